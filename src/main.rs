@@ -1,0 +1,4 @@
+//! The `stillpoint` program.
+#![forbid(unsafe_code)]
+
+fn main() {}

@@ -1,0 +1,14 @@
+//! The annotations that Stillpoint writes, as types generated from `schemas/` (see `tests/schemas.rs`).
+//!
+//! What the fields mean, with units and directions, is said once, in `schemas/stillpoint.proto`.
+#![allow(missing_docs, clippy::all, clippy::pedantic)]
+
+include!("messages/stillpoint.rs");
+
+/// Foxglove's own messages, as far as Stillpoint writes them.
+pub mod foxglove {
+    include!("messages/foxglove.rs");
+}
+
+/// The descriptor set of every message, dependencies included.
+pub const DESCRIPTORS: &[u8] = include_bytes!("../schemas/descriptors.binpb");

@@ -1,0 +1,37 @@
+//! What is folded into a recording: topics and blocks of messages, without ids. Ids are given by whoever writes them,
+//! since a sidecar counts from 1 and an annotated recording takes the lowest that are free.
+
+/// A topic that annotations are written to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Full name, `/imu/data/stillpoint/segment` for instance.
+    pub name: String,
+    /// Type name of its messages. Topics of one schema name share one schema.
+    pub schema_name: String,
+    /// Language of the schema: `ros2msg` or `protobuf`.
+    pub schema_encoding: &'static str,
+    /// The schema, in that language.
+    pub schema: Vec<u8>,
+    /// Encoding of the messages: `cdr` or `protobuf`.
+    pub message_encoding: &'static str,
+}
+
+/// One annotation. Its publish time is its log time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Annotation {
+    /// Index into the list of topics.
+    pub topic: usize,
+    /// Counts from 0 on each topic.
+    pub sequence: u32,
+    /// Log time of the sample that caused it.
+    pub log_time: u64,
+    /// The encoded message.
+    pub data: Vec<u8>,
+}
+
+/// The annotations of one chunk (or, in a recording with messages outside chunks, of one run of loose messages).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Block {
+    /// In the order of writing, never empty.
+    pub annotations: Vec<Annotation>,
+}
