@@ -1,5 +1,9 @@
 //! What a sample is, and how the bytes of a message become one.
 
+mod config;
+
+pub use config::{ImuConfig, SecondaryConfig, VectorConfig, VectorTable};
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

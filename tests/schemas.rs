@@ -1,10 +1,9 @@
 //! The generated code and the descriptor set are what `schemas/stillpoint.proto` says.
 //!
 //! `STILLPOINT_UPDATE=1 cargo test --test schemas` writes them anew after the schema was edited.
+#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
-
-#![allow(clippy::unwrap_used)]
 
 use prost::Message as _;
 

@@ -1,0 +1,102 @@
+//! The `[fit]` table of the configuration.
+
+use serde::{Deserialize, Serialize};
+
+/// How a calibration is fitted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Which measurement model.
+    pub model: Model,
+    /// Where the fit of the accelerometer stops.
+    pub estimator: Estimator,
+    /// Local gravity in m/s², if it is known; otherwise standard gravity with an uncertainty of 0.15 %.
+    pub gravity: Option<f64>,
+    /// A rest further than this from every face of the fixture is rejected, in degrees.
+    pub max_tilt_deg: f64,
+    /// When to fit again.
+    pub refit: Refit,
+    /// How far a specific force at rest repeats from placement to placement, one standard deviation in m/s²:
+    /// what is assumed until repeated placements show it.
+    pub placement_std: f64,
+    /// The same for the mean rate of a gyroscope, in rad/s.
+    pub rate_std: f64,
+    /// Datasheet limits.
+    pub bounds: Bounds,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            model: Model::Auto,
+            estimator: Estimator::Magnitude,
+            gravity: None,
+            max_tilt_deg: 15.0,
+            refit: Refit::Segment,
+            placement_std: 0.01,
+            rate_std: 1e-3,
+            bounds: Bounds::default(),
+        }
+    }
+}
+
+/// A measurement model of an accelerometer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Model {
+    /// The richest model that the rests determine.
+    #[default]
+    Auto,
+    /// Bias and diagonal sensitivity, six unknowns.
+    BiasScale,
+}
+
+/// Where the fit of the accelerometer stops.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Estimator {
+    /// After the refinement on the magnitude of gravity, which is immune to tilt.
+    #[default]
+    Magnitude,
+    /// After the regression on the fixture's faces, as the thesis does.
+    Fixture,
+}
+
+/// When to fit again once coverage is complete.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refit {
+    /// At every accepted rest.
+    #[default]
+    Segment,
+    /// Once per fresh set of faces.
+    Round,
+}
+
+/// Limits on the parameters, as `[lower, upper]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Bounds {
+    /// Accelerometer bias, m/s².
+    pub accel_bias: [f64; 2],
+    /// Accelerometer scale, dimensionless.
+    pub accel_scale: [f64; 2],
+    /// Gyroscope bias, rad/s.
+    pub gyro_bias: [f64; 2],
+    /// Bias of a secondary accelerometer, m/s².
+    pub secondary_bias: [f64; 2],
+    /// Scale of a secondary accelerometer, dimensionless.
+    pub secondary_scale: [f64; 2],
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self {
+            accel_bias: [-8.0, 8.0],
+            accel_scale: [0.8, 1.25],
+            gyro_bias: [-0.35, 0.35],
+            secondary_bias: [-20.0, 20.0],
+            secondary_scale: [0.5, 2.0],
+        }
+    }
+}
