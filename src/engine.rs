@@ -21,7 +21,7 @@ pub enum Message {
     /// The faces seen, and the next step.
     Coverage(messages::Coverage),
     /// A refit was published.
-    Calibration(messages::Calibration),
+    Calibration(Box<messages::Calibration>),
     /// A warning or decision for people.
     Log(messages::foxglove::Log),
 }
