@@ -119,6 +119,11 @@ impl Sums {
         self.bounds
     }
 
+    /// √(Σ variance of the axes) so far.
+    pub(super) fn deviation(&self) -> f64 {
+        self.all.covariance().trace().sqrt()
+    }
+
     /// The mean of everything so far, if there is anything.
     pub(super) fn mean(&self) -> Option<Vector3<f64>> {
         (self.all.count() > 0).then(|| self.all.mean())

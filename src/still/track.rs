@@ -87,7 +87,10 @@ impl Track {
         let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
         let variance = quiet.window.variance();
         match self.yardstick {
-            Yardstick::Learned { .. } => quiet.floor.level().map(|level| variance.sum().sqrt() / level),
+            // Above the ceiling nothing is believed, so nothing is quiet against it either.
+            Yardstick::Learned { ceiling } => {
+                quiet.floor.level().map(|level| variance.sum().sqrt() / level.min(ceiling * 3_f64.sqrt()))
+            }
             Yardstick::Fixed { limit } => Some(variance.max().sqrt() / limit),
             Yardstick::None => None,
         }
@@ -155,6 +158,13 @@ impl Track {
                 sums.push(stamp, &value);
             }
         }
+    }
+
+    /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
+    pub(super) fn is_outdated(&self, enter: f64) -> bool {
+        let deviation = self.open.as_ref().map_or(0.0, Sums::deviation);
+        matches!(self.yardstick, Yardstick::Learned { .. })
+            && self.level().is_some_and(|level| deviation > enter * level)
     }
 
     /// Mean of the open rest so far.
