@@ -333,8 +333,12 @@ impl Segmenter {
         let (Some(now), Some(mean)) = (self.accelerometer.window_mean(), self.accelerometer.open_mean()) else {
             return false;
         };
+        let off = (now - mean).norm();
+        if off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
+            return false;
+        }
         let noise = self.accelerometer.level().unwrap_or(0.0) / (self.accelerometer.window_size() as f64).sqrt();
-        self.config.detector == Detector::Adaptive && (now - mean).norm() > self.config.max_creep + 4.0 * noise
+        off > self.config.max_creep + 4.0 * noise
     }
 
     /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.

@@ -27,6 +27,8 @@ pub(super) struct Track {
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
     open: Option<Sums>,
+    /// The sample period that the window was made for.
+    sized_for: Option<i64>,
 }
 
 /// What the deviation in the window is held against.
@@ -57,6 +59,7 @@ impl Track {
             quiet: None,
             recent: VecDeque::new(),
             open: None,
+            sized_for: None,
         }
     }
 
@@ -162,9 +165,9 @@ impl Track {
 
     /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
     pub(super) fn is_outdated(&self, enter: f64) -> bool {
-        let deviation = self.open.as_ref().map_or(0.0, Sums::deviation);
+        let variance = self.open.as_ref().map_or(0.0, Sums::variance);
         matches!(self.yardstick, Yardstick::Learned { .. })
-            && self.level().is_some_and(|level| deviation > enter * level)
+            && self.level().is_some_and(|level| variance > (enter * level).powi(2))
     }
 
     /// Mean of the open rest so far.
@@ -184,7 +187,8 @@ impl Track {
 
     /// Makes or remakes the window when the sample period has become known or has changed.
     fn size_window(&mut self) {
-        let Some(period) = self.clock.period() else { return };
+        let Some(period) = self.clock.period().filter(|_| self.clock.period() != self.sized_for) else { return };
+        self.sized_for = Some(period);
         let size = match self.yardstick {
             Yardstick::Fixed { .. } => THESIS_WINDOW,
             _ => MIN_WINDOW.max(libm::ceil(self.window_nanos / period.max(1) as f64) as usize),
