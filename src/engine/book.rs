@@ -40,8 +40,13 @@ impl Verdict {
         self.reason == Reason::Accepted
     }
 
+    /// Nearest face of the fixture.
+    pub(super) fn face(&self) -> Option<usize> {
+        self.face.map(|(face, _)| face)
+    }
+
     fn kind(&self) -> Option<usize> {
-        self.face.filter(|_| self.is_accepted()).map(|(face, _)| face)
+        self.face().filter(|_| self.is_accepted())
     }
 }
 
