@@ -225,11 +225,10 @@ impl Engine {
         let event = |message| Event { log_time, message };
         let mut rejected = Vec::new();
         for entry in self.book.entries_mut() {
-            let now = (entry.verdict.reason, entry.verdict.face());
-            if entry.told == Some(now) {
+            if entry.told.as_ref().is_some_and(|told| !entry.verdict.differs_from(told)) {
                 continue;
             }
-            entry.told = Some(now);
+            entry.told = Some(entry.verdict.clone());
             let segment = publish::segment(header.clone(), entry, &self.config, &self.fixture);
             if !segment.accepted {
                 rejected.push(words::rejection(&segment));

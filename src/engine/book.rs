@@ -21,7 +21,7 @@ pub(super) struct Entry {
     pub(super) rest: Rest,
     pub(super) verdict: Verdict,
     /// What was last said of it.
-    pub(super) told: Option<(Reason, Option<usize>)>,
+    pub(super) told: Option<Verdict>,
     /// How many rests it stands for.
     pub(super) count: u64,
 }
@@ -38,6 +38,15 @@ pub(super) struct Verdict {
 impl Verdict {
     pub(super) fn is_accepted(&self) -> bool {
         self.reason == Reason::Accepted
+    }
+
+    /// Whether it is so much another that people are to be told again.
+    pub(super) fn differs_from(&self, told: &Self) -> bool {
+        /// Degrees.
+        const TILT: f64 = 1.0;
+        let tilts = (self.face, told.face);
+        let moved = matches!(tilts, (Some((_, now)), Some((_, then))) if (now - then).abs() > TILT);
+        self.reason != told.reason || self.face() != told.face() || moved && !self.is_accepted()
     }
 
     /// Nearest face of the fixture.
