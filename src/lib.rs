@@ -33,6 +33,7 @@
 #![forbid(unsafe_code)]
 
 pub mod annotate;
+pub mod config;
 pub mod engine;
 pub mod fit;
 pub mod imu;

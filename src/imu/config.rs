@@ -34,14 +34,11 @@ pub struct SecondaryConfig {
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig>,
-    /// Datasheet values of a known sensor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub preset: Option<String>,
 }
 
 /// Where a vector stands in the messages of a topic.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a path, three paths, or a table of path, topic and unit")]
 pub enum VectorConfig {
     /// Path to a message with `x`, `y`, `z`, or to an array of three.
     Path(String),
