@@ -39,9 +39,12 @@ pub mod fit;
 pub mod imu;
 pub mod messages;
 pub mod record;
+pub mod run;
 pub mod simulate;
 pub mod still;
 
+mod error;
 mod stamp;
 
+pub use error::Error;
 pub use stamp::Stamp;
