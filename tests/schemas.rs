@@ -33,7 +33,12 @@ fn generated_code_and_descriptor_set_match_the_schema() {
     expect_generated(&schemas.join("descriptors.binpb"), &embedded.encode_to_vec());
 
     let out = tempfile::tempdir().unwrap();
-    prost_build::Config::new().out_dir(out.path()).enable_type_names().compile_fds(descriptors).unwrap();
+    prost_build::Config::new()
+        .out_dir(out.path())
+        .enable_type_names()
+        .type_attribute("stillpoint.Segment.Reason", "#[derive(serde::Serialize, serde::Deserialize)]")
+        .compile_fds(descriptors)
+        .unwrap();
     for package in ["stillpoint", "foxglove"] {
         let file = format!("{package}.rs");
         let fresh = std::fs::read(out.path().join(&file)).unwrap();
