@@ -8,11 +8,13 @@ mod cdr;
 mod config;
 mod encoding;
 mod log;
+mod read;
 mod ros2;
 mod ros2msg;
 
 pub use config::{Corrected, EncodingChoice, OutputConfig};
 pub use encoding::Encoding;
+pub use read::read;
 
 use crate::engine::{Event, Message};
 use crate::record::{Annotation, Block, Topic};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Learns the calibration of an IMU from the moments when it rests in an MCAP recording, and writes it back.
 #[derive(Debug, Parser)]
@@ -30,9 +30,126 @@ const EXIT_CODES: &str = "Exit codes:
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Find the rests, learn the calibration, and write both into a copy of the recording
+    Annotate(Annotate),
+    /// What could be calibrated in a recording, and why not the rest
+    Topics(Topics),
+    /// The calibration of a recording, for other programs
+    Export(Export),
+    /// Take the annotations out again: the original, byte for byte
+    Strip(Strip),
+    /// Make a recording with known truth
+    Simulate(Simulate),
     /// Show or check the configuration
     #[command(subcommand)]
     Config(Config),
+}
+
+#[derive(Debug, Args)]
+pub struct Configuration {
+    /// Configuration file (TOML)
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// One setting over the file, for example still.min_fit_s=2; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct Annotate {
+    /// The recordings
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
+    pub output: Option<PathBuf>,
+    /// Folder to write into, under the default names
+    #[arg(long, value_name = "DIR")]
+    pub out_dir: Option<PathBuf>,
+    /// Write the annotations alone, into a file that viewers show beside the recording
+    #[arg(long)]
+    pub sidecar: bool,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Also write a result when no topic is an IMU
+    #[arg(long)]
+    pub allow_no_imu: bool,
+    /// Exit with 4 unless every IMU got an accelerometer calibration
+    #[arg(long)]
+    pub require_calibration: bool,
+    /// Exit with 0 when the input was damaged
+    #[arg(long)]
+    pub accept_damage: bool,
+    /// Wait until the output is on the device
+    #[arg(long)]
+    pub sync: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Topics {
+    /// The recording
+    pub input: PathBuf,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
+    pub input: PathBuf,
+    /// What to write
+    #[arg(long)]
+    pub format: Format,
+    /// Where to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Json,
+}
+
+#[derive(Debug, Args)]
+pub struct Strip {
+    /// The annotated recording
+    pub input: PathBuf,
+    /// Where to write the original
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Wait until the output is on the device
+    #[arg(long)]
+    pub sync: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Simulate {
+    /// A built-in scenario, or a scenario file (TOML)
+    #[arg(default_value = "demo")]
+    pub scenario: String,
+    /// Where to write the recording
+    #[arg(short, long, value_name = "OUT", required_unless_present = "show")]
+    pub output: Option<PathBuf>,
+    /// Print the scenario instead, to be edited
+    #[arg(long, conflicts_with = "output")]
+    pub show: bool,
+    /// One setting over the scenario, for example seed=7; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Subcommand)]

@@ -1,20 +1,34 @@
 //! One module a verb: what the user typed → work of the library → what is printed.
 
+mod annotate;
 mod config;
+mod export;
+mod json;
+mod progress;
+mod simulate;
+mod strip;
+mod summary;
+mod table;
+mod topics;
 
 use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 
-use stillpoint::config::Layer;
+use stillpoint::config::{Config, Layer};
 use stillpoint::{Error, run::Stop};
 
-use crate::cli::{Cli, Command};
+use crate::cli::{Cli, Command, Configuration};
 
 /// Runs a command to its end; what made it fail has been said.
-pub fn run(cli: Cli, _: &Stop) -> Code {
+pub fn run(cli: Cli, stop: &Stop) -> Code {
     let json = cli.json;
     let done = match cli.command {
+        Command::Annotate(args) => annotate::run(&args, json, stop),
+        Command::Topics(args) => topics::run(&args, json, stop),
+        Command::Export(args) => export::run(&args, stop),
+        Command::Strip(args) => strip::run(&args, json, stop),
+        Command::Simulate(args) => simulate::run(&args, json),
         Command::Config(verb) => config::run(verb, json),
     };
     done.unwrap_or_else(|error| Code::of(&error))
@@ -52,6 +66,18 @@ impl From<Code> for ExitCode {
             Code::Uncalibrated => 4,
         })
     }
+}
+
+/// The effective configuration: the file, and the settings over it.
+fn configuration(typed: &Configuration) -> Result<Config, Error> {
+    let mut layers = Vec::new();
+    if let Some(path) = &typed.config {
+        layers.push(layer(path)?);
+    }
+    for setting in &typed.set {
+        layers.push(Layer::set(setting)?);
+    }
+    Ok(Config::load(&layers)?)
 }
 
 fn layer(path: &Path) -> Result<Layer, Error> {

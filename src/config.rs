@@ -9,7 +9,7 @@ pub use layer::{Layer, overlay};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{fit, imu, still};
+use crate::{annotate, fit, imu, still};
 
 /// Everything that may be configured; [`Default`] is what runs without a configuration file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,6 +21,8 @@ pub struct Config {
     pub still: still::Config,
     /// How a calibration is fitted.
     pub fit: fit::Config,
+    /// What is written.
+    pub output: annotate::OutputConfig,
 }
 
 impl Config {
@@ -133,6 +135,7 @@ mod tests {
             ("still", "[still]\nx=1"),
             ("fit", "[fit]\nx=1"),
             ("fit.bounds", "[fit.bounds]\nx=1"),
+            ("output", "[output]\nx=1"),
             ("imu", "[[imu]]\nx=1"),
             ("imu.secondary", "[[imu]]\ntopic='t'\n[[imu.secondary]]\nx=1"),
         ] {

@@ -37,6 +37,11 @@ impl Layer {
         Ok(Self { label: format!("--set {argument}"), text: text.ok_or_else(wrong)?, lines: false })
     }
 
+    /// The text as it was given, a `--set` option as a line of TOML.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The text as a value of some type.
     ///
     /// # Errors
