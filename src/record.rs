@@ -8,6 +8,7 @@ mod error;
 mod fold;
 mod horizon;
 mod inventory;
+mod own;
 mod records;
 mod scan;
 mod sidecar;
@@ -19,6 +20,7 @@ pub use annotations::{Annotation, Block, Topic};
 pub use error::Error;
 pub use fold::{Fold, Piece, Tail};
 pub use inventory::Inventory;
+pub use own::{Kind, Original, ReadAt, recognise, recognise_scanned};
 pub use scan::{Damage, Event, Scan};
 pub use sidecar::Sidecar;
 

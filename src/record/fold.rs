@@ -52,21 +52,16 @@ impl Fold {
     /// # Errors
     /// If the recording leaves too few ids for the topics.
     pub fn open(
-        inventory: Inventory,
+        mut inventory: Inventory,
         tail: Tail,
         settings: &BTreeMap<String, String>,
         topics: &[Topic],
     ) -> Result<(Self, Vec<Piece>), Error> {
+        inventory.complete();
         let mut pieces = vec![Piece::Original(0..inventory.prefix)];
         let taken = Taken {
-            schemas: (inventory.schemas().keys().copied())
-                .chain(inventory.channels().values().map(|channel| channel.schema_id))
-                .collect(),
-            channels: (inventory.channels().keys())
-                .chain(inventory.summary.counts.keys())
-                .chain(&inventory.mentioned)
-                .copied()
-                .collect(),
+            schemas: inventory.schemas().keys().copied().collect(),
+            channels: inventory.channels().keys().chain(&inventory.mentioned).copied().collect(),
         };
         let (prefix, headless) = (inventory.prefix, inventory.is_bare());
         let only = inventory.summary_only.clone();

@@ -1,7 +1,8 @@
 //! What a scan found in a recording, as far as folding needs it.
 //! Finding it is left to [`Scan`](super::Scan), using it to [`Fold`](super::Fold).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
 
 use serde::{Deserialize, Serialize};
 
@@ -96,6 +97,25 @@ impl Inventory {
     /// Whether the recording was cut off behind its magic.
     pub(super) fn is_bare(&self) -> bool {
         self.header.is_none() && self.prefix == mcap::MAGIC.len() as u64
+    }
+
+    /// Adds stand-ins for schemas and channels that are used although their records are lost: readers refuse to open a
+    /// recording whose index leads to them otherwise.
+    pub(super) fn complete(&mut self) {
+        let Summary { schemas, channels, counts, .. } = &mut self.summary;
+        for &id in counts.keys().filter(|id| !channels.contains_key(id)).collect::<Vec<_>>() {
+            let topic = format!("unknown channel {id}");
+            let (message_encoding, metadata) = (String::new(), BTreeMap::new());
+            channels.insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata });
+            self.summary_only.channels.push(id);
+        }
+        for id in channels.values().map(|channel| channel.schema_id).filter(|&id| id != 0) {
+            if let Entry::Vacant(lost) = schemas.entry(id) {
+                let name = format!("unknown schema {id}");
+                lost.insert(Schema { id, name, encoding: String::new(), data: Vec::new() });
+                self.summary_only.schemas.push(id);
+            }
+        }
     }
 
     /// The CRC of the prefix, where the recorder computed one and nothing contradicts it.

@@ -141,6 +141,27 @@ pub(super) struct ChunkIndex {
 }
 
 impl ChunkIndex {
+    pub(super) fn parse(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields(body);
+        let (start_time, end_time, offset, length) = (fields.u64()?, fields.u64()?, fields.u64()?, fields.u64()?);
+        let mut offsets = Fields(fields.blob()?);
+        let mut message_indexes = BTreeMap::new();
+        while !offsets.0.is_empty() {
+            message_indexes.insert(offsets.u16()?, offsets.u64()?);
+        }
+        Some(Self {
+            start_time,
+            end_time,
+            offset,
+            length,
+            message_indexes,
+            message_indexes_length: fields.u64()?,
+            compression: fields.string()?,
+            compressed_size: fields.u64()?,
+            uncompressed_size: fields.u64()?,
+        })
+    }
+
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         record(out, op::CHUNK_INDEX, |out| {
             out.put_u64(self.start_time);
@@ -187,6 +208,19 @@ pub(super) struct AttachmentIndex {
 }
 
 impl AttachmentIndex {
+    pub(super) fn parse(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields(body);
+        Some(Self {
+            offset: fields.u64()?,
+            length: fields.u64()?,
+            log_time: fields.u64()?,
+            create_time: fields.u64()?,
+            data_size: fields.u64()?,
+            name: fields.string()?,
+            media_type: fields.string()?,
+        })
+    }
+
     /// From the head of an attachment record; leaves `fields` at the attached bytes.
     pub(super) fn parse_attachment(fields: &mut Fields<'_>, offset: u64, length: u64) -> Option<Self> {
         Some(Self {
@@ -231,6 +265,11 @@ pub(super) struct MetadataIndex {
 }
 
 impl MetadataIndex {
+    pub(super) fn parse(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields(body);
+        Some(Self { offset: fields.u64()?, length: fields.u64()?, name: fields.string()? })
+    }
+
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         record(out, op::METADATA_INDEX, |out| {
             out.put_u64(self.offset);

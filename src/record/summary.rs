@@ -49,6 +49,11 @@ impl Summary {
         chunk.write(&mut self.chunk_indexes);
     }
 
+    /// The indexes of the chunks noted, encoded.
+    pub(super) fn chunk_indexes(&self) -> &[u8] {
+        &self.chunk_indexes
+    }
+
     /// Everything behind the DataEnd record, which ends at byte `start` of the file.
     ///
     /// Without `indexed`, chunks are counted but not indexed: readers that find an index look nowhere else.

@@ -3,5 +3,6 @@
 
 mod drive;
 mod folding;
+mod recognising;
 mod recordings;
 mod scanning;
