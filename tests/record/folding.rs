@@ -25,6 +25,8 @@ proptest! {
         let loose = !recipe.chunked && !recipe.messages.is_empty();
         prop_assert_eq!(summary.chunk_indexes.is_empty(), loose);
         prop_assert_eq!(all_messages(&out), expected_messages(&file));
+        let data_end = scan(&out).1.prefix() as usize;
+        prop_assert_eq!(out[data_end + 9..data_end + 13] != [0; 4], recipe.data_crc);
     }
 
     #[test]
