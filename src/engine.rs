@@ -88,23 +88,6 @@ pub struct Config {
     pub fit: fit::Config,
 }
 
-/// What came of a recording, for people and for the result line.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Summary {
-    /// Rests found.
-    pub found: u64,
-    /// Rests that entered the fit.
-    pub accepted: u64,
-    /// The faces seen, and the next step.
-    pub coverage: messages::Coverage,
-    /// The last published calibration.
-    pub calibration: Option<messages::Calibration>,
-    /// Why the accelerometer has none, if it has none.
-    pub refusal: Option<String>,
-    /// Each rest that was rejected and is still remembered: its last segment message.
-    pub rejected: Vec<messages::Segment>,
-}
-
 /// Learns the calibration of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Engine {
@@ -148,32 +131,13 @@ impl Engine {
         self.learn(sample.stamp, sample.log_time, false, events);
     }
 
-    /// The recording has ended: closes an open rest, publishes what is left to publish, and sums up.
+    /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };
         self.segmenter.finish();
         self.learn(stamp, log_time, true, events);
         for (level, text) in words::closing(&self.segmenter, self.book.found(), &self.config.still) {
             events.push(self.log(stamp, log_time, level, text));
-        }
-    }
-
-    /// What came of it so far.
-    pub fn summary(&self) -> Summary {
-        let Self { config, fixture, book, .. } = self;
-        let accelerometer = solve::accelerometer(book.entries(), &config.fit, fixture);
-        let solution = solve::others(book.entries(), &config.fit, fixture, config.secondary.len(), accelerometer);
-        let header = publish::header(self.last.map_or(Stamp::default(), |(stamp, _)| stamp), &self.config.frame_id);
-        Summary {
-            found: self.book.found(),
-            accepted: self.book.accepted(),
-            coverage: publish::coverage(header.clone(), &self.book, &self.fixture, &solution),
-            calibration: self.publisher.published().cloned(),
-            refusal: solution.accelerometer.err(),
-            rejected: (self.book.entries().iter())
-                .filter(|entry| !entry.verdict.is_accepted())
-                .map(|entry| publish::segment(header.clone(), entry, &self.config, &self.fixture))
-                .collect(),
         }
     }
 

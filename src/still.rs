@@ -11,6 +11,7 @@ mod floor;
 mod moments;
 mod rest;
 mod segmenter;
+mod status;
 mod track;
 mod window;
 
@@ -18,4 +19,5 @@ pub use clock::{Clock, Tick};
 pub use config::{Config, Detector};
 pub use moments::Moments;
 pub use rest::{Rest, TriadMean};
-pub use segmenter::{Outcome, Segmenter, State, Status};
+pub use segmenter::{Outcome, Segmenter};
+pub use status::{State, Status};

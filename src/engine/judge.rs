@@ -61,10 +61,11 @@ impl Judge<'_> {
                 format!("the accelerometer's {axis} axis does not change while the others do: is it dead?");
             return Some((Reason::SensorFault, explanation));
         }
-        if !self.segmenter.is_quiet(rest) {
+        let loudness = self.segmenter.loudness(rest);
+        if loudness.0.max(loudness.1) > self.still.enter {
             let explanation = format!(
-                "noisier than the rests seen since (accelerometer {:.3} m/s²): it was quiet motion",
-                accelerometer.deviation() / 3_f64.sqrt()
+                "quiet motion, no rest: {:.1} (accelerometer) and {:.1} (gyroscope) times the noise floor seen since",
+                loudness.0, loudness.1
             );
             return Some((Reason::Outlier, explanation));
         }

@@ -29,10 +29,6 @@ pub(super) struct Publisher {
 }
 
 impl Publisher {
-    pub(super) fn published(&self) -> Option<&messages::Calibration> {
-        self.calibration.as_ref()
-    }
-
     /// The coverage, if it is another than before.
     pub(super) fn coverage(&mut self, coverage: messages::Coverage) -> Option<messages::Coverage> {
         let same = self.coverage.as_ref().is_some_and(|last| {

@@ -10,39 +10,12 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::clock::Tick;
-use super::rest::Rest;
+use super::rest::{Rest, TriadMean};
+use super::status::{State, Status};
 use super::track::{Track, Yardstick};
 use super::{Config, Detector};
 use crate::Stamp;
 use crate::imu::{Sample, Sensor};
-
-/// Whether an IMU rests.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum State {
-    /// There is no credible noise floor yet.
-    Unknown,
-    /// It moves.
-    Moving,
-    /// It rests.
-    Still,
-}
-
-/// The state and what it was judged by.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Status {
-    /// The state.
-    pub state: State,
-    /// Largest of the voting triads' deviations over their floors; NaN while there is none.
-    pub statistic: f64,
-    /// The statistic under which the IMU is still.
-    pub enter: f64,
-    /// The statistic above which it moves.
-    pub leave: f64,
-    /// √(Σ variance of the axes) believed of the accelerometer at rest, m/s².
-    pub accel_floor: Option<f64>,
-    /// The same of the gyroscope, rad/s.
-    pub gyro_floor: Option<f64>,
-}
 
 /// What a sample did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,12 +121,6 @@ impl Segmenter {
         if self.phase == Phase::Still {
             self.end_rest(End::Gap);
         }
-    }
-
-    /// Level of the quietest that was seen while nothing was credible: √(Σ variance of the axes) of accelerometer (m/s²)
-    /// and gyroscope (rad/s).
-    pub fn levels(&self) -> (Option<f64>, Option<f64>) {
-        (self.accelerometer.level(), self.gyroscope.as_ref().and_then(Track::level))
     }
 
     /// The present state.
@@ -304,16 +271,18 @@ impl Segmenter {
 
     /// Whether a rest is still one by the floor as it is known now.
     pub fn is_quiet(&self, rest: &Rest) -> bool {
-        let quiet =
-            |deviation: f64, level: Option<f64>| level.is_none_or(|level| deviation <= self.config.enter * level);
-        if self.config.detector == Detector::MovingStd {
-            return true;
-        }
-        quiet(rest.accelerometer.deviation(), self.accelerometer.level())
-            && rest
-                .gyroscope
-                .as_ref()
-                .is_none_or(|gyroscope| quiet(gyroscope.deviation(), self.gyroscope.as_ref().and_then(Track::level)))
+        let (accelerometer, gyroscope) = self.loudness(rest);
+        accelerometer <= self.config.enter && gyroscope <= self.config.enter
+    }
+
+    /// Deviations of accelerometer and gyroscope during a rest over their floors as they are known now.
+    pub fn loudness(&self, rest: &Rest) -> (f64, f64) {
+        let over = |mean: &TriadMean, track: Option<&Track>| {
+            let floor = track.filter(|track| track.is_learned()).and_then(Track::level);
+            floor.map_or(0.0, |floor| mean.deviation() / floor)
+        };
+        let gyroscope = rest.gyroscope.as_ref().map_or(0.0, |mean| over(mean, self.gyroscope.as_ref()));
+        (over(&rest.accelerometer, Some(&self.accelerometer)), gyroscope)
     }
 
     /// The time base broke: what was before is not connected to what follows.

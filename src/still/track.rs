@@ -117,6 +117,11 @@ impl Track {
         }
     }
 
+    /// Whether the level was learned, and may yet change.
+    pub(super) fn is_learned(&self) -> bool {
+        matches!(self.yardstick, Yardstick::Learned { .. })
+    }
+
     pub(super) fn window_mean(&self) -> Option<Vector3<f64>> {
         self.quiet.as_ref().map(|quiet| quiet.window.mean())
     }
@@ -166,8 +171,7 @@ impl Track {
     /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
     pub(super) fn is_outdated(&self, enter: f64) -> bool {
         let variance = self.open.as_ref().map_or(0.0, Sums::variance);
-        matches!(self.yardstick, Yardstick::Learned { .. })
-            && self.level().is_some_and(|level| variance > (enter * level).powi(2))
+        self.is_learned() && self.level().is_some_and(|level| variance > (enter * level).powi(2))
     }
 
     /// Mean of the open rest so far.
