@@ -23,6 +23,9 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 if json {
                     print_json(&result(input, output, &report))?;
                 }
+                if args.inputs.len() > 1 {
+                    info!("{}", input.display());
+                }
                 say(output, &report, written);
                 code(args, &report)
             }
