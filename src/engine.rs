@@ -160,7 +160,9 @@ impl Engine {
 
     /// What came of it so far.
     pub fn summary(&self) -> Summary {
-        let solution = self.solution();
+        let Self { config, fixture, book, .. } = self;
+        let accelerometer = solve::accelerometer(book.entries(), &config.fit, fixture);
+        let solution = solve::others(book.entries(), &config.fit, fixture, config.secondary.len(), accelerometer);
         let header = publish::header(self.last.map_or(Stamp::default(), |(stamp, _)| stamp), &self.config.frame_id);
         Summary {
             found: self.book.found(),
@@ -175,81 +177,69 @@ impl Engine {
         }
     }
 
-    /// Takes in the rests that have ended; at the end of the recording, also what was held back.
+    /// Takes in the rests that have ended.
     fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
-        let mut learned = false;
         while let Some(rest) = self.segmenter.next_rest() {
-            learned = true;
             self.book.add(rest);
-            self.judge();
-            self.publish(stamp, log_time, false, events);
+            let solution = self.solve();
+            self.publish(&solution, stamp, log_time, false, events);
             self.book.shrink();
         }
-        if at_end && !learned {
-            // The noise floor may have settled since the last rest.
-            self.judge();
-        }
         if at_end {
-            self.publish(stamp, log_time, true, events);
+            // The noise floor may have settled since the last rest.
+            let solution = self.solve();
+            self.publish(&solution, stamp, log_time, true, events);
         }
     }
 
-    /// Judges every remembered rest anew. The faces depend on the calibration and the calibration on the faces, so this
-    /// goes round until neither changes; a few rounds suffice.
-    fn judge(&mut self) {
+    /// Judges every remembered rest anew and fits what the good ones determine. The faces depend on the calibration and
+    /// the calibration on the faces, so this goes round until neither changes; a few rounds suffice.
+    fn solve(&mut self) -> Solution {
         const ROUNDS: usize = 4;
-        let judge = Judge {
-            still: &self.config.still,
-            fit: &self.config.fit,
-            fixture: &self.fixture,
-            segmenter: &self.segmenter,
-        };
-        let entries = self.book.entries_mut();
+        let Self { config, fixture, segmenter, book, .. } = self;
+        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter };
+        let entries = book.entries_mut();
         judge.sort_out(entries);
         let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
         let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
-        let mut calibration = guess(means.iter(), solve::gravity(&self.config.fit).value);
+        let mut calibration = guess(means.iter(), solve::gravity(&config.fit).value);
+        let mut before = Vec::new();
+        let mut accelerometer = Err(String::new());
         for _ in 0..ROUNDS {
-            let before: Vec<_> = entries.iter().map(|entry| entry.verdict.reason).collect();
             judge.assign_faces(entries, &calibration);
-            let secondaries = 0;
-            let solution = solve::solve(entries, &self.config.fit, &self.fixture, secondaries);
-            let Ok(fit) = solution.accelerometer else { break };
-            calibration = fit.calibration;
-            judge.assign_faces(entries, &calibration);
-            if entries.iter().map(|entry| entry.verdict.reason).eq(before) {
+            let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
+            if verdicts == before {
                 break;
             }
+            before = verdicts;
+            accelerometer = solve::accelerometer(entries, &config.fit, fixture);
+            let Ok(fit) = &accelerometer else { break };
+            calibration = fit.calibration;
         }
-    }
-
-    fn solution(&self) -> Solution {
-        solve::solve(self.book.entries(), &self.config.fit, &self.fixture, self.config.secondary.len())
+        solve::others(entries, &config.fit, fixture, config.secondary.len(), accelerometer)
     }
 
     /// Says what has changed: segments, then coverage, then calibration.
-    fn publish(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
+    fn publish(&mut self, solution: &Solution, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         let header = publish::header(stamp, &self.config.frame_id);
         let event = |message| Event { log_time, message };
         let mut rejected = Vec::new();
         for entry in self.book.entries_mut() {
-            let now = (entry.verdict.reason, entry.verdict.face.map(|(face, _)| face));
-            if entry.told == Some(now) {
+            if entry.told.as_ref().is_some_and(|told| !entry.verdict.differs_from(told)) {
                 continue;
             }
-            entry.told = Some(now);
+            entry.told = Some(entry.verdict.clone());
             let segment = publish::segment(header.clone(), entry, &self.config, &self.fixture);
             if !segment.accepted {
                 rejected.push(words::rejection(&segment));
             }
             events.push(event(Message::Segment(segment)));
         }
-        let solution = self.solution();
-        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, &solution);
+        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution);
         if let Some(coverage) = self.publisher.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));
         }
-        let calibration = publish::calibration(header, &self.book, &self.config, &solution);
+        let calibration = publish::calibration(header, &self.book, &self.config, solution);
         let news = self.publisher.calibration(calibration, at_end);
         if let Some(calibration) = &news {
             events.push(event(Message::Calibration(Box::new(calibration.clone()))));

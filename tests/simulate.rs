@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use stillpoint::imu::Sensor;
-use stillpoint::simulate::{BUILTIN, Reading, Scenario, Truth, record, samples};
+use stillpoint::simulate::{BUILTIN, Reading, Scenario, TriadTruth, Truth, record, samples};
 
 fn recorded(scenario: &Scenario) -> (Vec<u8>, Truth) {
     let mut bytes = Vec::new();
@@ -72,7 +72,7 @@ const RICH: &str = r#"
 #[test]
 fn what_a_sensor_reads_at_rest_is_its_bias_and_its_sensitivity_times_gravity() {
     let scenario = Scenario::parse(RICH).unwrap();
-    let (_, truth) = recorded(&scenario);
+    let truth = Truth::of(&scenario).unwrap();
     let readings: Vec<_> = samples(&scenario).unwrap().collect();
     assert_eq!(truth.rests.len(), 4);
     let gyroscope = truth.gyroscope.as_ref().unwrap();
@@ -109,7 +109,7 @@ fn what_a_sensor_reads_at_rest_is_its_bias_and_its_sensitivity_times_gravity() {
 #[test]
 fn a_rest_is_still_and_weighs_exactly_gravity() {
     let scenario = Scenario::parse(RICH).unwrap();
-    let (_, truth) = recorded(&scenario);
+    let truth = Truth::of(&scenario).unwrap();
     for reading in samples(&scenario).unwrap() {
         let rest = truth.rests.iter().find(|rest| rest.start <= reading.stamp && reading.stamp < rest.end);
         assert_eq!(reading.pose, rest.map(|rest| rest.pose));
@@ -172,7 +172,7 @@ fn a_recording_that_starts_and_ends_in_motion_does() {
 #[test]
 fn a_turn_on_a_table_changes_no_force_and_is_no_rest() {
     let scenario = edited(RICH, |scenario| scenario.pose[1].turn_deg_s = [0.0, 0.0, 30.0]);
-    let (_, truth) = recorded(&scenario);
+    let truth = Truth::of(&scenario).unwrap();
     assert_eq!(truth.rests.iter().map(|rest| rest.pose).collect::<Vec<_>>(), [0, 2, 3]);
     let readings = of(&scenario, Sensor::Accelerometer);
     let turning: Vec<_> = readings.into_iter().filter(|reading| reading.pose == Some(1)).collect();
@@ -277,9 +277,76 @@ fn the_demo_is_small_and_shows_six_faces_and_two_again() {
     assert!(truth.rests.iter().all(|rest| rest.tilt_deg > 0.0 && rest.tilt_deg < 6.0));
 }
 
+/// Bias and scale from the means on opposite faces, in closed form, against the truth: the largest errors.
+fn errors_from_opposite_faces(truth: &Truth, parameters: &TriadTruth, readings: &[Reading]) -> (f64, f64) {
+    let mean = |face: &str, axis: usize| {
+        let rest = truth.rests.iter().find(|rest| rest.face == face).unwrap();
+        let inside = readings.iter().filter(|reading| reading.pose == Some(rest.pose));
+        let values: Vec<_> = inside.map(|reading| reading.measured[axis]).collect();
+        values.iter().sum::<f64>() / values.len() as f64
+    };
+    let axes = [("+X", "-X"), ("+Y", "-Y"), ("+Z", "-Z")].into_iter().enumerate();
+    axes.fold((0.0, 0.0), |(bias, scale): (f64, f64), (axis, (up, down))| {
+        let (up, down) = (mean(up, axis), mean(down, axis));
+        let bias_error = (up + down) / 2.0 - parameters.bias[axis];
+        let scale_error = (up - down) / (2.0 * truth.gravity) - parameters.sensitivity[axis][axis];
+        (bias.max(bias_error.abs()), scale.max(scale_error.abs()))
+    })
+}
+
+#[test]
+fn the_first_sequence_of_the_thesis_can_be_calibrated_as_well_as_the_thesis_did() {
+    let mut missed = 0;
+    for seed in 0..20 {
+        let (_, text) = BUILTIN[1];
+        let scenario = edited(text, |scenario| scenario.recording.seed = seed);
+        let truth = Truth::of(&scenario).unwrap();
+        let readings = of(&scenario, Sensor::Accelerometer);
+        let (bias, scale) = errors_from_opposite_faces(&truth, &truth.accelerometer, &readings);
+        let readings = of(&scenario, Sensor::Secondary(0));
+        let (highg_bias, highg_scale) = errors_from_opposite_faces(&truth, &truth.secondary[0], &readings);
+        missed += usize::from(bias > 0.001 || scale > 0.001 || highg_bias > 0.019 || highg_scale > 0.002);
+    }
+    assert!(missed <= 1, "{missed} of 20");
+}
+
+#[test]
+fn correlated_noise_has_the_same_deviation_and_a_memory() {
+    let scenario = edited(BUILTIN[1].1, |scenario| scenario.accelerometer.noise_correlation_s = 0.02);
+    let still: Vec<_> =
+        of(&scenario, Sensor::Accelerometer).into_iter().filter(|reading| reading.pose == Some(0)).collect();
+    let values: Vec<_> = still.iter().map(|reading| reading.measured.x).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
+    let lagged = values.windows(2).map(|pair| (pair[0] - mean) * (pair[1] - mean)).sum::<f64>() / values.len() as f64;
+    // At 100 Hz two samples lie half a correlation time apart.
+    assert!((variance.sqrt() - 0.03).abs() < 0.002, "{}", variance.sqrt());
+    assert!((lagged / variance - (-0.5_f64).exp()).abs() < 0.05, "{}", lagged / variance);
+}
+
+#[test]
+fn placements_of_one_face_scatter_as_they_are_told() {
+    let scenario = edited(RICH, |scenario| {
+        scenario.tilt_scatter_deg = 0.0;
+        scenario.accelerometer.noise = 0.0;
+        scenario.accelerometer.placement_scatter = 0.02;
+        scenario.pose = vec![scenario.pose[0].clone(); 200];
+        scenario.pose.iter_mut().for_each(|pose| (pose.rest_s, pose.motion_s) = (0.02, Some(0.1)));
+    });
+    let readings = of(&scenario, Sensor::Accelerometer);
+    let mut offsets: Vec<_> = readings.iter().filter(|reading| reading.pose.is_some()).collect();
+    offsets.dedup_by_key(|reading| reading.pose);
+    assert_eq!(offsets.len(), 200);
+    let level =
+        Vector3::from(scenario.accelerometer.bias) + scenario.accelerometer.sensitivity.matrix() * offsets[0].force;
+    let squares: f64 = offsets.iter().map(|reading| (reading.measured - level).norm_squared()).sum();
+    let scatter = (squares / 600.0).sqrt();
+    assert!((scatter - 0.02).abs() < 0.002, "{scatter}");
+}
+
 #[test]
 fn the_third_sequence_of_the_thesis_lies_askew_three_times() {
-    let (_, truth) = recorded(&Scenario::builtin("thesis-sequence-3").unwrap());
+    let truth = Truth::of(&Scenario::builtin("thesis-sequence-3").unwrap()).unwrap();
     let askew: Vec<_> = truth.rests.iter().map(|rest| rest.tilt_deg).filter(|tilt| *tilt > 15.0).collect();
     assert_eq!((truth.rests.len(), askew.len()), (9, 3));
     assert!(askew.iter().all(|tilt| (20.0..=40.0).contains(tilt)), "{askew:?}");

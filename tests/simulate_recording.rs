@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use stillpoint::simulate::{Compression, Encoding, Scenario, record, samples};
+use proptest::prelude::*;
+use stillpoint::simulate::{Compression, Encoding, Scenario, Sensitivity, record, samples};
 
 fn short(edit: impl FnOnce(&mut Scenario)) -> Scenario {
     let mut scenario = Scenario::builtin("thesis-sequence-3").unwrap();
@@ -169,6 +170,24 @@ fn a_gyroscope_with_a_topic_of_its_own_leaves_each_other_vector_unmeasured() {
     assert!(gyroscopes > 500);
 }
 
+#[test]
+fn a_recording_that_cannot_be_written_is_an_error() {
+    struct Full(usize);
+    impl std::io::Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0 = self.0.checked_sub(bytes.len()).ok_or(std::io::ErrorKind::StorageFull)?;
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    for room in [0, 20, 1000, 50_000] {
+        let problem = record(&short(|_| ()), Full(room)).unwrap_err().to_string();
+        assert!(problem.starts_with("the simulated recording could not be written: "), "{problem}");
+    }
+}
+
 /// What the parser says about the demo with one line replaced.
 fn refusal(line: &str, replacement: &str) -> String {
     let (_, text) = stillpoint::simulate::BUILTIN[0];
@@ -190,7 +209,7 @@ fn a_refused_scenario_names_the_key() {
             "sensitivity = [1.0, 1.0]",
             "accelerometer.sensitivity: expected three",
         ),
-        ("bias = [0.255, -0.142, 0.310]", "bias = [inf, 0, 0]", "accelerometer.bias: must be finite"),
+        ("bias = [0.255, -0.142, 0.310]", "bias = [inf, 0, 0]", "accelerometer.bias: must lie between"),
         (
             "bias = [0.255, -0.142, 0.310]",
             "g2_sensitivity = [0, 0, 0]",
@@ -205,6 +224,44 @@ fn a_refused_scenario_names_the_key() {
         let problem = refusal(line, replacement);
         assert!(problem.contains(said), "{replacement}: {problem}");
         assert!(!problem.contains('\n'), "{problem}");
+    }
+}
+
+proptest! {
+    /// Whatever validates can be simulated: finite readings, in order, none after the end.
+    #[test]
+    fn extreme_values_are_refused_or_simulated(key in 0..12_usize, value in prop_oneof![any::<f64>(), -1e10..1e10, 0.0..1e-6]) {
+        let mut scenario = short(|_| ());
+        let (triad, pose) = (&mut scenario.accelerometer, &mut scenario.pose[1]);
+        match key {
+            0 => triad.noise = value,
+            1 => triad.step = value,
+            2 => triad.range = Some(value),
+            3 => triad.noise_correlation_s = value,
+            4 => triad.sensitivity = Sensitivity::Diagonal([1.0, value, 1.0]),
+            5 => pose.up = { pose.face = None; Some([value, 0.0, -value]) },
+            6 => pose.attitude = { pose.face = None; Some([0.0, value, 0.0, 1.0]) },
+            7 => pose.tilt_deg = value,
+            8 => pose.turn_deg_s = [value, 0.0, 1.0],
+            9 => pose.motion_s = Some(value),
+            10 => scenario.motion.shake_hz = value,
+            _ => scenario.gravity = value,
+        }
+        let Ok(readings) = samples(&scenario) else { return Ok(()) };
+        let readings: Vec<_> = readings.take(2000).collect();
+        prop_assert!(readings.is_sorted_by_key(|reading| (reading.stamp, reading.sensor)));
+        let finite = |vector: &nalgebra::Vector3<f64>| vector.iter().all(|value| value.is_finite());
+        prop_assert!(readings.iter().all(|r| finite(&r.measured) && finite(&r.force) && finite(&r.rate)));
+    }
+
+    /// No text makes the parser panic, and what it says about it is one line.
+    #[test]
+    fn any_text_is_a_scenario_or_refused_in_a_line(text in "\\PC{0,40}", at in 0..40_usize) {
+        let lines: Vec<_> = stillpoint::simulate::BUILTIN[0].1.lines().collect();
+        let text = [&lines[..at], &[&text], &lines[at..]].concat().join("\n");
+        if let Err(problem) = Scenario::parse(&text) {
+            prop_assert!(!problem.to_string().contains('\n'));
+        }
     }
 }
 

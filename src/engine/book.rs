@@ -21,7 +21,7 @@ pub(super) struct Entry {
     pub(super) rest: Rest,
     pub(super) verdict: Verdict,
     /// What was last said of it.
-    pub(super) told: Option<(Reason, Option<usize>)>,
+    pub(super) told: Option<Verdict>,
     /// How many rests it stands for.
     pub(super) count: u64,
 }
@@ -40,8 +40,22 @@ impl Verdict {
         self.reason == Reason::Accepted
     }
 
+    /// Whether it is so much another that people are to be told again.
+    pub(super) fn differs_from(&self, told: &Self) -> bool {
+        /// Degrees.
+        const TILT: f64 = 1.0;
+        let tilts = (self.face, told.face);
+        let moved = matches!(tilts, (Some((_, now)), Some((_, then))) if (now - then).abs() > TILT);
+        self.reason != told.reason || self.face() != told.face() || moved && !self.is_accepted()
+    }
+
+    /// Nearest face of the fixture.
+    pub(super) fn face(&self) -> Option<usize> {
+        self.face.map(|(face, _)| face)
+    }
+
     fn kind(&self) -> Option<usize> {
-        self.face.filter(|_| self.is_accepted()).map(|(face, _)| face)
+        self.face().filter(|_| self.is_accepted())
     }
 }
 

@@ -37,16 +37,28 @@ pub(super) fn gravity(config: &fit::Config) -> Gravity {
     }
 }
 
-/// Fits every triad that the rests determine.
-pub(super) fn solve(entries: &[Entry], config: &fit::Config, fixture: &Fixture, secondaries: usize) -> Solution {
-    let gravity = gravity(config);
-    let seen = placements_on_faces(entries, fixture);
-    let accelerometer = fit_accelerometer(&seen, config, fixture, gravity);
+/// Fits the primary accelerometer, or says why not.
+pub(super) fn accelerometer(
+    entries: &[Entry],
+    config: &fit::Config,
+    fixture: &Fixture,
+) -> Result<accelerometer::Fit, String> {
+    fit_accelerometer(&placements_on_faces(entries, fixture), config, fixture, gravity(config))
+}
+
+/// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
+pub(super) fn others(
+    entries: &[Entry],
+    config: &fit::Config,
+    fixture: &Fixture,
+    secondaries: usize,
+    accelerometer: Result<accelerometer::Fit, String>,
+) -> Solution {
     let secondary = (0..secondaries).map(|i| fit_secondary(entries, i, config, accelerometer.as_ref().ok())).collect();
     let rates = rates(entries);
     Solution {
-        gravity,
-        placements: seen.len(),
+        gravity: gravity(config),
+        placements: placements_on_faces(entries, fixture).len(),
         accelerometer,
         gyro_placements: rates.len(),
         gyroscope: gyroscope::fit(&rates, config.rate_std),

@@ -125,9 +125,12 @@ pub struct Triad {
     /// Maps true to measured, dimensionless.
     #[serde(default)]
     pub sensitivity: Sensitivity,
-    /// Standard deviation of the white noise of one axis of one sample.
+    /// Standard deviation of the noise of one axis of one sample.
     #[serde(default)]
     pub noise: f64,
+    /// Time after which the noise has forgotten itself to 1/e, as behind a low-pass filter, in seconds; 0 is white.
+    #[serde(default)]
+    pub noise_correlation_s: f64,
     /// Quantisation step; 0 for none.
     #[serde(default)]
     pub step: f64,
@@ -199,7 +202,7 @@ pub struct Pose {
     pub heading_deg: f64,
     /// How long it rests, in seconds.
     pub rest_s: f64,
-    /// Duration of the motion that leads here, in seconds; `motion.duration_s` if absent.
+    /// Duration of the motion that leads here from the pose before, in seconds; `motion.duration_s` if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion_s: Option<f64>,
     /// Constant rotation instead of a rest, about the world's axes, in degrees a second: about z a turn on a table,

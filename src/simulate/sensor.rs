@@ -22,12 +22,19 @@ pub(super) struct Sensor {
     /// Offset of each placement.
     offsets: Vec<Vector3<f64>>,
     random: ChaCha8Rng,
+    /// How much of the noise of one sample is still there at the next, 0 to 1.
+    memory: f64,
+    noise: Vector3<f64>,
     taken: u64,
 }
 
 impl Sensor {
     /// A sensor of the scenario; `random` is its own.
     pub fn new(which: imu::Sensor, triad: &Triad, scenario: &Scenario, mut random: ChaCha8Rng) -> Self {
+        let memory = match triad.noise_correlation_s {
+            0.0 => 0.0,
+            correlation_s => libm::exp(-1.0 / (triad.rate_hz * correlation_s)),
+        };
         let offsets = scenario.pose.iter().map(|_| normal(&mut random) * triad.placement_scatter).collect();
         Self {
             which,
@@ -36,6 +43,8 @@ impl Sensor {
             square: triad.g2_sensitivity.map(Vector3::from).unwrap_or_default(),
             triad: triad.clone(),
             offsets,
+            noise: normal(&mut random) * triad.noise,
+            memory,
             random,
             taken: 0,
         }
@@ -55,9 +64,11 @@ impl Sensor {
         let hours = self.next() as f64 / 3.6e12;
         let bias = Vector3::from(self.triad.bias) + Vector3::from(self.triad.bias_drift_per_h) * hours;
         let cross = self.cross * other + self.square.component_mul(&other.component_mul(&other));
-        let noise = normal(&mut self.random) * self.triad.noise;
+        // A first-order Gauss–Markov process, whose standard deviation does not depend on its memory.
+        let fresh = self.triad.noise * (1.0 - self.memory * self.memory).sqrt();
+        self.noise = self.noise * self.memory + normal(&mut self.random) * fresh;
         self.taken += 1;
-        let reading = bias + self.sensitivity * own + cross + self.offset(state) + noise;
+        let reading = bias + self.sensitivity * own + cross + self.offset(state) + self.noise;
         reading.map(|value| self.saturate(self.quantise(value)))
     }
 

@@ -1,14 +1,14 @@
 //! What is true of a simulated recording: parameters and rests. It is never part of the recording.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::pose::{nearest_face, up};
 use super::trajectory::Trajectory;
-use super::{Scenario, Triad};
+use super::{Error, Scenario, Triad, samples};
 use crate::Stamp;
 
 /// The truth of a recording.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// Magnitude of gravity, in m/s².
     pub gravity: f64,
@@ -25,7 +25,7 @@ pub struct Truth {
 }
 
 /// The parameters of one sensor: `measured = bias + S · true`, in m/s² or rad/s.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriadTruth {
     /// `accelerometer`, `gyroscope`, or the name of the secondary.
     pub sensor: String,
@@ -46,7 +46,7 @@ pub struct TriadTruth {
 }
 
 /// A span without motion.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rest {
     /// Its pose in the scenario, from 0.
     pub pose: usize,
@@ -63,6 +63,14 @@ pub struct Rest {
 }
 
 impl Truth {
+    /// The truth of a scenario without its recording; [`record`](super::record) returns the same.
+    ///
+    /// # Errors
+    /// If a value of the scenario cannot be simulated, with its key.
+    pub fn of(scenario: &Scenario) -> Result<Self, Error> {
+        Ok(Self::new(scenario, &samples(scenario)?.trajectory))
+    }
+
     pub(super) fn new(scenario: &Scenario, trajectory: &Trajectory) -> Self {
         let start = Stamp::from_nanos(i64::from(scenario.recording.start_s) * 1_000_000_000);
         let rests = trajectory.rests().map(|(pose, from, until, attitude)| {

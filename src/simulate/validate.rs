@@ -6,9 +6,12 @@ use super::{Error, Pose, Scenario, Sensitivity, Triad, Vibration};
 /// The longest session, in seconds: some hundred days.
 const LONGEST_S: f64 = 1e7;
 
+/// Whatever is larger would only overflow.
+const LARGEST: f64 = 1e9;
+
 /// Refuses the first value that cannot be simulated.
 pub(super) fn validate(scenario: &Scenario) -> Result<(), Error> {
-    positive("gravity", scenario.gravity)?;
+    within("gravity", scenario.gravity, 0.0, 1e3)?;
     if let Some(latitude) = scenario.latitude_deg {
         within("latitude_deg", latitude, -90.0, 90.0)?;
     }
@@ -83,6 +86,7 @@ fn accelerometer(key: &str, accelerometer: &Triad) -> Result<(), Error> {
 fn triad(key: &str, triad: &Triad) -> Result<(), Error> {
     within(&format!("{key}.rate_hz"), triad.rate_hz, 1e-3, 1e6)?;
     within(&format!("{key}.phase_s"), triad.phase_s, 0.0, LONGEST_S)?;
+    within(&format!("{key}.noise_correlation_s"), triad.noise_correlation_s, 0.0, LONGEST_S)?;
     if let Some(range) = triad.range {
         positive(&format!("{key}.range"), range)?;
     }
@@ -97,12 +101,12 @@ fn triad(key: &str, triad: &Triad) -> Result<(), Error> {
         Sensitivity::Diagonal(scale) => [scale, [0.0; 3], [0.0; 3]],
         Sensitivity::Matrix(rows) => rows,
     };
-    finite(&format!("{key}.bias"), &triad.bias)?;
-    finite(&format!("{key}.sensitivity"), sensitivity.as_flattened())?;
-    finite(&format!("{key}.bias_drift_per_h"), &triad.bias_drift_per_h)?;
-    finite(&format!("{key}.g_sensitivity"), triad.g_sensitivity.unwrap_or_default().as_flattened())?;
-    finite(&format!("{key}.g2_sensitivity"), &triad.g2_sensitivity.unwrap_or_default())?;
-    finite(&format!("{key}.rate_sensitivity"), triad.rate_sensitivity.unwrap_or_default().as_flattened())
+    bounded(&format!("{key}.bias"), &triad.bias)?;
+    bounded(&format!("{key}.sensitivity"), sensitivity.as_flattened())?;
+    bounded(&format!("{key}.bias_drift_per_h"), &triad.bias_drift_per_h)?;
+    bounded(&format!("{key}.g_sensitivity"), triad.g_sensitivity.unwrap_or_default().as_flattened())?;
+    bounded(&format!("{key}.g2_sensitivity"), &triad.g2_sensitivity.unwrap_or_default())?;
+    bounded(&format!("{key}.rate_sensitivity"), triad.rate_sensitivity.unwrap_or_default().as_flattened())
 }
 
 fn pose(key: &str, pose: &Pose) -> Result<(), Error> {
@@ -110,19 +114,19 @@ fn pose(key: &str, pose: &Pose) -> Result<(), Error> {
     if let Some(motion) = pose.motion_s {
         within(&format!("{key}.motion_s"), motion, 0.01, LONGEST_S)?;
     }
-    finite(&format!("{key}.tilt_deg"), &[pose.tilt_deg])?;
-    finite(&format!("{key}.azimuth_deg"), &[pose.azimuth_deg])?;
-    finite(&format!("{key}.heading_deg"), &[pose.heading_deg])?;
-    finite(&format!("{key}.turn_deg_s"), &pose.turn_deg_s)?;
-    finite(&format!("{key}.up"), &pose.up.unwrap_or_default())?;
-    finite(&format!("{key}.attitude"), &pose.attitude.unwrap_or_default())?;
+    bounded(&format!("{key}.tilt_deg"), &[pose.tilt_deg])?;
+    bounded(&format!("{key}.azimuth_deg"), &[pose.azimuth_deg])?;
+    bounded(&format!("{key}.heading_deg"), &[pose.heading_deg])?;
+    bounded(&format!("{key}.turn_deg_s"), &pose.turn_deg_s)?;
+    bounded(&format!("{key}.up"), &pose.up.unwrap_or_default())?;
+    bounded(&format!("{key}.attitude"), &pose.attitude.unwrap_or_default())?;
     require(attitude(pose, [0.0; 2]).is_some(), key, || {
-        "give exactly one of face (\"+X\", \"-X\", …), up (a direction) and attitude (a quaternion w, x, y, z)".into()
+        "give exactly one of face (\"+X\", \"-X\", …), up (a direction, not zero) and attitude (a quaternion w, x, y, z)".into()
     })
 }
 
 fn vibration(key: &str, vibration: &Vibration) -> Result<(), Error> {
-    finite(&format!("{key}.amplitude"), &vibration.amplitude)?;
+    bounded(&format!("{key}.amplitude"), &vibration.amplitude)?;
     within(&format!("{key}.frequency_hz"), vibration.frequency_hz, 0.0, 1e6)?;
     within(&format!("{key}.modulation"), vibration.modulation, 0.0, 1.0)?;
     within(&format!("{key}.modulation_hz"), vibration.modulation_hz, 0.0, 1e6)?;
@@ -138,8 +142,8 @@ fn within(key: &str, value: f64, least: f64, most: f64) -> Result<(), Error> {
     require((least..=most).contains(&value), key, || format!("must lie between {least} and {most}, is {value}"))
 }
 
-fn finite(key: &str, values: &[f64]) -> Result<(), Error> {
-    require(values.iter().all(|value| value.is_finite()), key, || "must be finite".into())
+fn bounded(key: &str, values: &[f64]) -> Result<(), Error> {
+    values.iter().try_for_each(|value| within(key, *value, -LARGEST, LARGEST))
 }
 
 fn require(holds: bool, key: &str, problem: impl FnOnce() -> String) -> Result<(), Error> {

@@ -17,7 +17,7 @@ pub(super) struct Floor {
     windows: u64,
     lowest_bin: usize,
     /// Smallest step seen between two readings of one axis.
-    step: f64,
+    step: Option<f64>,
     last: Option<Vector3<f64>>,
     level: Option<f64>,
 }
@@ -45,7 +45,7 @@ impl Floor {
             bins: vec![0; BINS],
             windows: 0,
             lowest_bin: BINS,
-            step: f64::INFINITY,
+            step: None,
             last: None,
             level: None,
         }
@@ -56,8 +56,8 @@ impl Floor {
         if let Some(last) = self.last {
             for step in (value - last).iter().map(|d| d.abs()) {
                 // Below that it is rounding of the conversion to SI units, not a step of the converter.
-                if step > 1e-7 && step < self.step {
-                    self.step = step;
+                if step > 1e-7 && self.step.is_none_or(|least| step < least) {
+                    self.step = Some(step);
                 }
             }
         }
@@ -86,13 +86,13 @@ impl Floor {
     /// The floor: √(Σ variance of the axes) at rest, in the unit of the triad.
     pub(super) fn level(&self) -> Option<f64> {
         // Three axes with the variance of a uniform error of one step.
-        let quantisation = if self.step.is_finite() { 0.5 * self.step } else { 0.0 };
+        let quantisation = 0.5 * self.step.unwrap_or(0.0);
         self.level.map(|level| level.max(quantisation))
     }
 
     /// Smallest step seen between two readings of one axis, an upper bound of the resolution.
     pub(super) fn step(&self) -> Option<f64> {
-        self.step.is_finite().then_some(self.step)
+        self.step
     }
 
     fn quantile(&self) -> Option<f64> {

@@ -47,6 +47,11 @@ impl Moments {
     pub fn covariance(&self) -> Matrix3<f64> {
         if self.count < 2 { Matrix3::zeros() } else { self.scatter / (self.count - 1) as f64 }
     }
+
+    /// Sum of the sample variances of the axes.
+    pub fn variance(&self) -> f64 {
+        if self.count < 2 { 0.0 } else { self.scatter.trace() / (self.count - 1) as f64 }
+    }
 }
 
 #[cfg(test)]

@@ -68,7 +68,8 @@ pub(super) struct Sums {
     start: Stamp,
     all: Moments,
     batch_size: u64,
-    batch: Moments,
+    batch: Vector3<f64>,
+    batch_count: u64,
     /// Of the means of whole batches.
     batches: Moments,
     /// Mean of the times since start, their sum of squared deviations, and that with the values.
@@ -84,7 +85,8 @@ impl Sums {
             start,
             all: Moments::default(),
             batch_size: batch_size.max(1) as u64,
-            batch: Moments::default(),
+            batch: Vector3::zeros(),
+            batch_count: 0,
             batches: Moments::default(),
             time_mean: 0.0,
             time_squares: 0.0,
@@ -103,10 +105,11 @@ impl Sums {
         let first = self.bounds.map_or(stamp, |(first, _)| first);
         self.bounds = Some((first, stamp));
 
-        self.batch.push(value);
-        if self.batch.count() == self.batch_size {
-            self.batches.push(&self.batch.mean());
-            self.batch = Moments::default();
+        self.batch += value;
+        self.batch_count += 1;
+        if self.batch_count == self.batch_size {
+            self.batches.push(&(self.batch / self.batch_size as f64));
+            (self.batch, self.batch_count) = (Vector3::zeros(), 0);
         }
     }
 
@@ -117,6 +120,11 @@ impl Sums {
     /// Stamps of the first and the last sample.
     pub(super) fn bounds(&self) -> Option<(Stamp, Stamp)> {
         self.bounds
+    }
+
+    /// Σ variance of the axes so far.
+    pub(super) fn variance(&self) -> f64 {
+        self.all.variance()
     }
 
     /// The mean of everything so far, if there is anything.
@@ -146,11 +154,11 @@ impl Sums {
     fn effective(&self) -> f64 {
         const WHITE_BATCHES: f64 = 2.0;
         let samples = self.all.count() as f64;
-        let of_one = self.all.covariance().trace();
+        let of_one = self.all.variance();
         if self.batches.count() < 2 || of_one <= 0.0 {
             return samples;
         }
-        let inflation = self.batches.covariance().trace() * self.batch_size as f64 / of_one;
+        let inflation = self.batches.variance() * self.batch_size as f64 / of_one;
         let weight = (self.batches.count() - 1) as f64;
         let shrunk = (inflation * weight + WHITE_BATCHES) / (weight + WHITE_BATCHES);
         (samples / shrunk.max(1.0)).max(1.0)

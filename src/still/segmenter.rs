@@ -214,7 +214,7 @@ impl Segmenter {
                 Phase::Moving
             }
             Phase::Settling(since) if now.seconds_since(since) >= self.config.settle_s => Phase::Still,
-            Phase::Still if loud || self.creeps() => {
+            Phase::Still if loud || self.creeps() || self.is_outdated() => {
                 self.end_rest(End::Motion);
                 Phase::Moving
             }
@@ -305,7 +305,7 @@ impl Segmenter {
     /// Whether a rest is still one by the floor as it is known now.
     pub fn is_quiet(&self, rest: &Rest) -> bool {
         let quiet =
-            |deviation: f64, level: Option<f64>| level.is_none_or(|level| deviation <= self.config.leave * level);
+            |deviation: f64, level: Option<f64>| level.is_none_or(|level| deviation <= self.config.enter * level);
         if self.config.detector == Detector::MovingStd {
             return true;
         }
@@ -333,8 +333,18 @@ impl Segmenter {
         let (Some(now), Some(mean)) = (self.accelerometer.window_mean(), self.accelerometer.open_mean()) else {
             return false;
         };
+        let off = (now - mean).norm();
+        if off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
+            return false;
+        }
         let noise = self.accelerometer.level().unwrap_or(0.0) / (self.accelerometer.window_size() as f64).sqrt();
-        self.config.detector == Detector::Adaptive && (now - mean).norm() > self.config.max_creep + 4.0 * noise
+        off > self.config.max_creep + 4.0 * noise
+    }
+
+    /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
+    fn is_outdated(&self) -> bool {
+        let outdated = |track: &Track| track.is_outdated(self.config.enter);
+        outdated(&self.accelerometer) || self.gyroscope.as_ref().is_some_and(outdated)
     }
 
     fn statistic(&self) -> Option<f64> {

@@ -27,6 +27,8 @@ pub(super) struct Track {
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
     open: Option<Sums>,
+    /// The sample period that the window was made for.
+    sized_for: Option<i64>,
 }
 
 /// What the deviation in the window is held against.
@@ -57,6 +59,7 @@ impl Track {
             quiet: None,
             recent: VecDeque::new(),
             open: None,
+            sized_for: None,
         }
     }
 
@@ -87,7 +90,10 @@ impl Track {
         let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
         let variance = quiet.window.variance();
         match self.yardstick {
-            Yardstick::Learned { .. } => quiet.floor.level().map(|level| variance.sum().sqrt() / level),
+            // Above the ceiling nothing is believed, so nothing is quiet against it either.
+            Yardstick::Learned { ceiling } => {
+                quiet.floor.level().map(|level| variance.sum().sqrt() / level.min(ceiling * 3_f64.sqrt()))
+            }
             Yardstick::Fixed { limit } => Some(variance.max().sqrt() / limit),
             Yardstick::None => None,
         }
@@ -157,6 +163,13 @@ impl Track {
         }
     }
 
+    /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
+    pub(super) fn is_outdated(&self, enter: f64) -> bool {
+        let variance = self.open.as_ref().map_or(0.0, Sums::variance);
+        matches!(self.yardstick, Yardstick::Learned { .. })
+            && self.level().is_some_and(|level| variance > (enter * level).powi(2))
+    }
+
     /// Mean of the open rest so far.
     pub(super) fn open_mean(&self) -> Option<Vector3<f64>> {
         self.open.as_ref()?.mean()
@@ -174,7 +187,8 @@ impl Track {
 
     /// Makes or remakes the window when the sample period has become known or has changed.
     fn size_window(&mut self) {
-        let Some(period) = self.clock.period() else { return };
+        let Some(period) = self.clock.period().filter(|_| self.clock.period() != self.sized_for) else { return };
+        self.sized_for = Some(period);
         let size = match self.yardstick {
             Yardstick::Fixed { .. } => THESIS_WINDOW,
             _ => MIN_WINDOW.max(libm::ceil(self.window_nanos / period.max(1) as f64) as usize),

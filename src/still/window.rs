@@ -16,11 +16,19 @@ pub(super) struct Window {
     back: Vec<Vector3<f64>>,
     /// … and their sum.
     back_sum: Spread,
+    /// Of all samples.
+    total: Spread,
 }
 
 impl Window {
     pub(super) fn new(size: usize) -> Self {
-        Self { size, front: Vec::with_capacity(size), back: Vec::with_capacity(size), back_sum: Spread::default() }
+        Self {
+            size,
+            front: Vec::with_capacity(size),
+            back: Vec::with_capacity(size),
+            back_sum: Spread::default(),
+            total: Spread::default(),
+        }
     }
 
     pub(super) fn push(&mut self, value: &Vector3<f64>) {
@@ -29,12 +37,14 @@ impl Window {
         }
         self.back.push(*value);
         self.back_sum = self.back_sum.merged(&Spread::of(value));
+        self.total = match self.front.last() {
+            Some(front) => front.merged(&self.back_sum),
+            None => self.back_sum,
+        };
     }
 
     pub(super) fn clear(&mut self) {
-        self.front.clear();
-        self.back.clear();
-        self.back_sum = Spread::default();
+        *self = Self::new(self.size);
     }
 
     pub(super) fn size(&self) -> usize {
@@ -47,20 +57,13 @@ impl Window {
 
     /// Mean of the samples in the window.
     pub(super) fn mean(&self) -> Vector3<f64> {
-        self.total().mean
+        self.total.mean
     }
 
     /// Sample variance of each axis (divisor n − 1).
     pub(super) fn variance(&self) -> Vector3<f64> {
-        let total = self.total();
-        if total.count < 2.0 { Vector3::zeros() } else { total.squares / (total.count - 1.0) }
-    }
-
-    fn total(&self) -> Spread {
-        match self.front.last() {
-            Some(front) => front.merged(&self.back_sum),
-            None => self.back_sum,
-        }
+        let Spread { count, squares, .. } = self.total;
+        if count < 2.0 { Vector3::zeros() } else { squares / (count - 1.0) }
     }
 
     fn pop(&mut self) {
