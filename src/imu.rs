@@ -1,8 +1,28 @@
-//! What a sample is, and how the bytes of a message become one.
+//! What a sample is, and how the bytes of a message become one: the schema of a channel is compiled once to a flat
+//! plan, which walks its messages without building values. What the samples say is left to [`engine`](crate::engine).
+//!
+//! [`Intake`] is the door: channels and messages go in, samples come out.
 
 mod config;
+mod decoder;
+mod intake;
+mod known;
+mod layout;
+mod path;
+mod plan;
+mod rosmsg;
+mod route;
+mod source;
+mod verdict;
+mod walk;
 
-pub use config::{ImuConfig, SecondaryConfig, VectorConfig, VectorTable};
+pub use config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
+pub use decoder::Decoder;
+pub use intake::{Imu, Intake, MissingTopic, Triad};
+pub use layout::{Layout, PathError, Place, SchemaError};
+pub use path::{FieldPath, PathSyntaxError};
+pub use verdict::{Cause, Fault, Notice, Use, Verdict};
+pub use walk::Malformed;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -29,4 +49,27 @@ pub enum Sensor {
     Gyroscope,
     /// A further accelerometer that moves with the primary one, by its place in the configuration.
     Secondary(usize),
+}
+
+impl Sensor {
+    /// A number of its own: 0 for the accelerometer, 1 for the gyroscope, secondaries from 2 on.
+    pub fn index(self) -> usize {
+        match self {
+            Self::Accelerometer => 0,
+            Self::Gyroscope => 1,
+            Self::Secondary(i) => i + 2,
+        }
+    }
+}
+
+/// Which IMU of a recording, in the order in which they were seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct ImuId(usize);
+
+impl ImuId {
+    /// Its place in [`Intake::imus`].
+    pub fn index(self) -> usize {
+        self.0
+    }
 }

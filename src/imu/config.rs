@@ -1,9 +1,17 @@
-//! The `[[imu]]` tables of the configuration: which fields of which topics are an IMU.
+//! The `[[imu]]` tables of the configuration: which fields of which topics are an IMU. What the fields hold is left to
+//! [`Layout`](super::Layout).
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize as DeserializeDerive, Serialize};
+
+use super::FieldPath;
 
 /// One IMU. Topics of well-known types need no table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 pub struct ImuConfig {
     /// Topic of the accelerometer, and of the gyroscope unless that names its own.
@@ -13,17 +21,17 @@ pub struct ImuConfig {
     pub name: Option<String>,
     /// The specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accel: Option<VectorConfig>,
+    pub accel: Option<VectorConfig<AccelUnit>>,
     /// The angular rate. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gyro: Option<VectorConfig>,
+    pub gyro: Option<VectorConfig<RateUnit>>,
     /// Further accelerometers that move with this IMU.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub secondary: Vec<SecondaryConfig>,
 }
 
 /// A further accelerometer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 pub struct SecondaryConfig {
     /// What it is called in the annotations.
@@ -33,35 +41,157 @@ pub struct SecondaryConfig {
     pub topic: Option<String>,
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub accel: Option<VectorConfig>,
+    pub accel: Option<VectorConfig<AccelUnit>>,
     /// Datasheet values of a known sensor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
 }
 
-/// Where a vector stands in the messages of a topic.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum VectorConfig {
-    /// Path to a message with `x`, `y`, `z`, or to an array of three.
-    Path(String),
-    /// Three paths to numbers.
-    Paths([String; 3]),
-    /// The same with more to say.
-    Table(VectorTable),
+/// Where a vector stands in the messages of a topic. Written as a path, as three paths, or as a table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct VectorConfig<Unit> {
+    /// Its topic; the IMU's if absent. A secondary accelerometer names its topic one level up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
+    /// Where it stands in the message; known types need none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<VectorPath>,
+    /// Unit of the values.
+    pub unit: Unit,
 }
 
-/// A vector with a topic or unit of its own.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Path to a vector.
+#[derive(Clone, Debug, PartialEq, Serialize, DeserializeDerive)]
+#[serde(untagged, expecting = "a path to a vector, or three paths to numbers")]
+pub enum VectorPath {
+    /// To a message with `x`, `y`, `z`, or to an array of three.
+    Whole(FieldPath),
+    /// To three numbers.
+    Axes([FieldPath; 3]),
+}
+
+/// Unit of an accelerometer's values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, DeserializeDerive)]
+pub enum AccelUnit {
+    /// m/s².
+    #[default]
+    #[serde(rename = "m/s^2")]
+    MetresPerSecondSquared,
+    /// Standard gravity, 9.80665 m/s².
+    #[serde(rename = "g")]
+    StandardGravity,
+}
+
+/// Unit of a gyroscope's values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, DeserializeDerive)]
+pub enum RateUnit {
+    /// rad/s.
+    #[default]
+    #[serde(rename = "rad/s")]
+    RadiansPerSecond,
+    /// °/s.
+    #[serde(rename = "deg/s")]
+    DegreesPerSecond,
+}
+
+impl AccelUnit {
+    /// What a value is multiplied with to be in m/s².
+    pub fn factor(self) -> f64 {
+        match self {
+            Self::MetresPerSecondSquared => 1.0,
+            Self::StandardGravity => 9.80665,
+        }
+    }
+}
+
+impl RateUnit {
+    /// What a value is multiplied with to be in rad/s.
+    pub fn factor(self) -> f64 {
+        match self {
+            Self::RadiansPerSecond => 1.0,
+            Self::DegreesPerSecond => std::f64::consts::PI / 180.0,
+        }
+    }
+}
+
+/// The long form, which refuses keys it does not know.
+#[derive(DeserializeDerive)]
 #[serde(deny_unknown_fields)]
-pub struct VectorTable {
-    /// Its topic; the IMU's if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub topic: Option<String>,
-    /// Path to the vector.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub path: Option<String>,
-    /// Unit of the values: `m/s^2` (default), `g`, `rad/s` (default), `deg/s`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unit: Option<String>,
+struct Table<Unit> {
+    topic: Option<String>,
+    path: Option<VectorPath>,
+    unit: Option<Unit>,
+}
+
+impl<'de, Unit: Deserialize<'de> + Default> Deserialize<'de> for VectorConfig<Unit> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(Forms(PhantomData))
+    }
+}
+
+/// Tells the three forms apart by their type, so that an error inside a table is reported where it stands.
+struct Forms<Unit>(PhantomData<Unit>);
+
+impl<'de, Unit: Deserialize<'de> + Default> Visitor<'de> for Forms<Unit> {
+    type Value = VectorConfig<Unit>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a path to a vector, three paths to numbers, or a table with topic, path, unit")
+    }
+
+    fn visit_str<E: de::Error>(self, text: &str) -> Result<Self::Value, E> {
+        let path = text.parse().map_err(E::custom)?;
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), unit: Unit::default() })
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        let axes = Deserialize::deserialize(SeqAccessDeserializer::new(seq))?;
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), unit: Unit::default() })
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        let Table { topic, path, unit } = Table::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(VectorConfig { topic, path, unit: unit.unwrap_or_default() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_three_forms_of_a_vector_are_read() {
+        let imu: ImuConfig = toml::from_str(
+            r#"
+            topic = "/imu"
+            accel = "accel_mps2"
+            gyro = { path = "gyro_dps", unit = "deg/s" }
+            [[secondary]]
+            name = "highg"
+            accel = ["a[0]", "a[1]", "a[2]"]
+            "#,
+        )
+        .unwrap();
+        let path = |text: &str| text.parse::<FieldPath>().unwrap();
+        assert_eq!(imu.accel.unwrap().path, Some(VectorPath::Whole(path("accel_mps2"))));
+        assert_eq!(imu.gyro.unwrap().unit, RateUnit::DegreesPerSecond);
+        let axes = VectorPath::Axes([path("a[0]"), path("a[1]"), path("a[2]")]);
+        assert_eq!(imu.secondary[0].accel.as_ref().unwrap().path, Some(axes));
+    }
+
+    #[test]
+    fn a_configuration_is_read_back_as_it_was_written() {
+        let text = "topic = \"/imu\"\ngyro = { topic = \"/gyro\", path = [\"x\", \"y\", \"z\"], unit = \"deg/s\" }\n";
+        let imu: ImuConfig = toml::from_str(text).unwrap();
+        assert_eq!(toml::from_str::<ImuConfig>(&toml::to_string(&imu).unwrap()).unwrap(), imu);
+    }
+
+    #[test]
+    fn mistakes_are_reported_where_they_stand() {
+        let error = |text: &str| toml::from_str::<ImuConfig>(text).unwrap_err().to_string();
+        assert!(error("topic = '/imu'\naccel = { unit = 'deg/s' }").contains("unknown variant `deg/s`"));
+        assert!(error("topic = '/imu'\naccel = { pth = 'a' }").contains("unknown field `pth`"));
+        assert!(error("topic = '/imu'\naccel = 'a..b'").contains("a..b"));
+        assert!(error("topic = '/imu'\naccel = 3").contains("a path to a vector"));
+    }
 }

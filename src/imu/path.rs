@@ -1,0 +1,129 @@
+//! Names of fields inside a message, `imu.accel[0]` for instance. Whether a message has them is left to
+//! [`Layout`](super::Layout).
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// A path from a message to one of its fields; the empty path is the message itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct FieldPath(Vec<Segment>);
+
+/// One step of a path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Segment {
+    pub(super) name: String,
+    /// Which element, if the field is a list.
+    pub(super) element: Option<u32>,
+}
+
+/// A path that is not written as one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a field path; write names joined by dots, elements of lists as name[0]")]
+pub struct PathSyntaxError(String);
+
+impl FieldPath {
+    pub(super) fn segments(&self) -> &[Segment] {
+        &self.0
+    }
+
+    /// The path of a field of what `self` leads to.
+    pub(super) fn join(&self, name: &str) -> Self {
+        let mut segments = self.0.clone();
+        segments.push(Segment { name: name.to_owned(), element: None });
+        Self(segments)
+    }
+
+    /// The path of the message that holds the field; none for the message itself.
+    pub(super) fn parent(&self) -> Option<Self> {
+        let (_, parent) = self.0.split_last()?;
+        Some(Self(parent.to_vec()))
+    }
+
+    /// The same path with the last segment replaced by one element of it.
+    pub(super) fn element(&self, element: u32) -> Self {
+        let mut segments = self.0.clone();
+        if let Some(last) = segments.last_mut() {
+            last.element = Some(element);
+        }
+        Self(segments)
+    }
+
+    /// The last name; empty for the message itself.
+    pub(super) fn name(&self) -> &str {
+        self.0.last().map_or("", |segment| &segment.name)
+    }
+}
+
+impl FromStr for FieldPath {
+    type Err = PathSyntaxError;
+
+    fn from_str(text: &str) -> Result<Self, PathSyntaxError> {
+        if text.is_empty() {
+            return Ok(Self::default());
+        }
+        let segments = text.split('.').map(Segment::parse).collect::<Option<_>>();
+        segments.map(Self).ok_or_else(|| PathSyntaxError(text.to_owned()))
+    }
+}
+
+impl Segment {
+    fn parse(text: &str) -> Option<Self> {
+        let (name, element) = match text.strip_suffix(']') {
+            Some(list) => {
+                let (name, element) = list.split_once('[')?;
+                (name, Some(element.parse().ok()?))
+            }
+            None => (text, None),
+        };
+        let plain = !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || "[]".contains(c));
+        plain.then(|| Self { name: name.to_owned(), element })
+    }
+}
+
+impl TryFrom<String> for FieldPath {
+    type Error = PathSyntaxError;
+
+    fn try_from(text: String) -> Result<Self, PathSyntaxError> {
+        text.parse()
+    }
+}
+
+impl From<FieldPath> for String {
+    fn from(path: FieldPath) -> Self {
+        path.to_string()
+    }
+}
+
+impl fmt::Display for FieldPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, Segment { name, element }) in self.0.iter().enumerate() {
+            write!(f, "{}{name}", if i == 0 { "" } else { "." })?;
+            if let Some(element) = element {
+                write!(f, "[{element}]")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_reads_back_as_it_was_written() {
+        for text in ["", "a", "a.b", "a[0].b[12]"] {
+            assert_eq!(text.parse::<FieldPath>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_path_is_refused() {
+        for text in [".", "a.", "a..b", "a[", "a[]", "a[-1]", "a[0]b", "[0]", "a b", "a]"] {
+            assert!(text.parse::<FieldPath>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! A layout compiled to the few steps in which CDR or ROS 1 bytes are walked: what stands at a fixed distance is one
+//! span, and only strings and lists interrupt it. Taking the steps is left to [`walk`](super::walk).
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::{Count, Field, Hop, Kind, Layout, Number, PathError, Place};
+
+/// Steps through a message, and what to read on the way.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Plan {
+    pub(super) steps: Vec<Step>,
+    /// Grouped by the step that takes them.
+    pub(super) gets: Vec<Get>,
+    /// Alignment of the length of a string or sequence, in bytes.
+    pub(super) word: usize,
+}
+
+/// A stretch of a message.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Step {
+    /// So many bytes from the next multiple of `align`.
+    Span { align: usize, len: usize, gets: Gets },
+    /// A string.
+    Text { wanted: bool },
+    /// A sequence of numbers.
+    Numbers { size: usize, align: usize, least: usize, gets: Gets },
+    /// A fixed number of elements, each walked by `body`.
+    Array { count: u32, body: Vec<Step> },
+    /// A sequence: `head` walks its first `least` elements, `body` each of the others.
+    Sequence { least: u32, head: Vec<Step>, body: Vec<Step> },
+}
+
+/// A range of [`Plan::gets`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Gets {
+    pub(super) from: usize,
+    pub(super) to: usize,
+}
+
+/// A number to be read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Get {
+    /// Bytes from the start of the span, or of the sequence's elements.
+    pub(super) at: usize,
+    pub(super) number: Number,
+    pub(super) slot: usize,
+}
+
+/// Rules of alignment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rules {
+    /// Greatest alignment: 8 in XCDR1, 4 in XCDR2, 1 in ROS 1.
+    pub(super) align: usize,
+    /// Whether lists of anything but numbers are preceded by their size (XCDR2).
+    pub(super) delimited: bool,
+}
+
+/// Unrolled, a real message has fewer fields than this.
+const MAX_FIELDS: usize = 16_384;
+
+impl Plan {
+    /// The steps that walk a whole message, put the numbers into slots by their order, and pick up the text.
+    ///
+    /// # Errors
+    /// If the message is absurdly large, or a place stands behind a `wstring`. The walk ends before a `wstring`.
+    pub(super) fn new(
+        layout: &Layout,
+        numbers: &[Place],
+        text: Option<&Place>,
+        rules: Rules,
+    ) -> Result<Self, PathError> {
+        let goals = numbers.iter().enumerate().map(|(slot, place)| (Some(slot), place));
+        let goals: Vec<_> = goals.chain(text.map(|place| (None, place))).collect();
+        let wanted: Vec<_> = goals.iter().map(|&(slot, place)| Wanted { hops: &place.hops, slot }).collect();
+        let plan = Self { word: rules.align.min(4), ..Self::default() };
+        let mut compiler = Compiler { layout, rules, plan, phase: Phase::START, left: MAX_FIELDS, met: 0 };
+        match compiler.message(0, &wanted) {
+            Err(Stop::TooLarge) => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_FIELDS }),
+            Ok(()) | Err(Stop::WideText) if compiler.met == goals.len() => Ok(compiler.plan),
+            Ok(()) | Err(Stop::WideText) => {
+                let behind = |place: &Place| Self::new(layout, std::slice::from_ref(place), None, rules).is_err();
+                let path = numbers.iter().find(|place| behind(place)).or(text).map(|place| place.path.to_string());
+                let message = layout.name().to_owned();
+                Err(PathError::BehindWideText { message, path: path.unwrap_or_default() })
+            }
+        }
+    }
+}
+
+/// What is looked for below a message: a number for a slot, or the text.
+#[derive(Clone, Copy)]
+struct Wanted<'a> {
+    hops: &'a [Hop],
+    slot: Option<usize>,
+}
+
+/// Why the rest of a layout is not walked.
+enum Stop {
+    TooLarge,
+    WideText,
+}
+
+/// What is known of the position while compiling: `position % modulus == rest`.
+#[derive(Clone, Copy)]
+struct Phase {
+    modulus: usize,
+    rest: usize,
+}
+
+impl Phase {
+    const START: Self = Self::multiple_of(8);
+
+    const fn multiple_of(modulus: usize) -> Self {
+        Self { modulus, rest: 0 }
+    }
+}
+
+struct Compiler<'a> {
+    layout: &'a Layout,
+    rules: Rules,
+    plan: Plan,
+    phase: Phase,
+    left: usize,
+    met: usize,
+}
+
+impl Compiler<'_> {
+    fn message(&mut self, id: usize, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+        let layout = self.layout;
+        let Some(message) = layout.messages.get(id) else { return Ok(()) };
+        for (i, field) in message.fields.iter().enumerate() {
+            let inside = |w: &&Wanted<'_>| w.hops.first().is_some_and(|hop| hop.field == i);
+            let inside: Vec<_> = wanted.iter().filter(inside).copied().collect();
+            self.field(field, &inside)?;
+        }
+        Ok(())
+    }
+
+    fn field(&mut self, field: &Field, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+        self.left = self.left.checked_sub(1).ok_or(Stop::TooLarge)?;
+        if self.rules.delimited && field.count != Count::One && !matches!(field.kind, Kind::Number(_)) {
+            self.span(4, 4);
+        }
+        match (field.kind, field.count) {
+            (kind, Count::One) => self.one(kind, &element(wanted, None)),
+            (Kind::Number(number), Count::Array(n)) => {
+                self.array(number, n as usize, wanted);
+                Ok(())
+            }
+            (Kind::Number(number), Count::Sequence) => {
+                self.numbers(number, wanted);
+                Ok(())
+            }
+            (kind, Count::Array(n)) => {
+                self.elements(kind, wanted)?;
+                let (body, end) = self.apart(1, |inner| inner.one(kind, &[]));
+                let count = n.saturating_sub(least(wanted));
+                if end.is_ok() && count > 0 && !body.is_empty() {
+                    self.plan.steps.push(Step::Array { count, body });
+                }
+                end
+            }
+            (kind, Count::Sequence) => {
+                let (head, end) = self.apart(self.plan.word, |inner| inner.elements(kind, wanted));
+                let (body, end) = match end {
+                    Ok(()) => self.apart(1, |inner| inner.one(kind, &[])),
+                    stop => (Vec::new(), stop),
+                };
+                let body = if end.is_ok() { body } else { Vec::new() };
+                self.plan.steps.push(Step::Sequence { least: least(wanted), head, body });
+                end
+            }
+        }
+    }
+
+    fn one(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+        match kind {
+            Kind::Number(number) => {
+                let at = self.span(number.size(), number.size());
+                for slot in wanted.iter().filter_map(|w| w.slot) {
+                    self.get(Get { at, number, slot });
+                }
+                Ok(())
+            }
+            Kind::Text => {
+                self.plan.steps.push(Step::Text { wanted: !wanted.is_empty() });
+                self.met += wanted.len();
+                self.phase = Phase::multiple_of(1);
+                Ok(())
+            }
+            Kind::WideText => Err(Stop::WideText),
+            Kind::Message(id) => self.message(id, wanted),
+        }
+    }
+
+    /// The first elements of a list, up to the last that is wanted.
+    fn elements(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+        for i in 0..least(wanted) {
+            self.left = self.left.checked_sub(1).ok_or(Stop::TooLarge)?;
+            self.one(kind, &element(wanted, Some(i)))?;
+        }
+        Ok(())
+    }
+
+    fn array(&mut self, number: Number, n: usize, wanted: &[Wanted<'_>]) {
+        if n == 0 {
+            return;
+        }
+        let start = self.span(number.size(), n * number.size());
+        for (element, slot) in numbered(wanted) {
+            self.get(Get { at: start + element * number.size(), number, slot });
+        }
+    }
+
+    fn numbers(&mut self, number: Number, wanted: &[Wanted<'_>]) {
+        let size = number.size();
+        let align = size.min(self.rules.align);
+        self.plan.steps.push(Step::Numbers { size, align, least: least(wanted) as usize, gets: Gets::default() });
+        for (element, slot) in numbered(wanted) {
+            self.get(Get { at: element * size, number, slot });
+        }
+        // Without elements, nothing is aligned but the length.
+        self.phase = Phase::multiple_of(align.min(4));
+    }
+
+    /// Extends the last span, or begins one, by `len` bytes; where in the span these start.
+    fn span(&mut self, align: usize, len: usize) -> usize {
+        let align = align.min(self.rules.align);
+        let known = self.phase.modulus.is_multiple_of(align);
+        if !known {
+            self.phase = Phase::multiple_of(align);
+        }
+        let pad = (align - self.phase.rest % align) % align;
+        self.phase.rest = (self.phase.rest + pad + len) % self.phase.modulus;
+        match self.plan.steps.last_mut() {
+            Some(Step::Span { len: so_far, .. }) if known => {
+                let at = *so_far + pad;
+                *so_far = at + len;
+                at
+            }
+            _ => {
+                let align = if known { 1 } else { align };
+                self.plan.steps.push(Step::Span { align, len: pad + len, gets: Gets::default() });
+                pad
+            }
+        }
+    }
+
+    /// Adds a number to what the last step reads.
+    fn get(&mut self, get: Get) {
+        let from = self.plan.gets.len();
+        self.plan.gets.push(get);
+        self.met += 1;
+        if let Some(Step::Span { gets, .. } | Step::Numbers { gets, .. }) = self.plan.steps.last_mut() {
+            let first = if gets.from == gets.to { from } else { gets.from };
+            *gets = Gets { from: first, to: from + 1 };
+        }
+    }
+
+    /// Compiles steps that stand apart from the others, starting at a multiple of `modulus`.
+    fn apart(
+        &mut self,
+        modulus: usize,
+        compile: impl FnOnce(&mut Self) -> Result<(), Stop>,
+    ) -> (Vec<Step>, Result<(), Stop>) {
+        let outer = std::mem::take(&mut self.plan.steps);
+        self.phase = Phase::multiple_of(modulus);
+        let end = compile(self);
+        self.phase = Phase::multiple_of(1);
+        (std::mem::replace(&mut self.plan.steps, outer), end)
+    }
+}
+
+/// What is wanted of one element of a list, or of a field that is none.
+fn element<'a>(wanted: &[Wanted<'a>], element: Option<u32>) -> Vec<Wanted<'a>> {
+    let of = |w: &Wanted<'a>| {
+        let (first, hops) = w.hops.split_first()?;
+        (first.element == element).then_some(Wanted { hops, slot: w.slot })
+    };
+    wanted.iter().filter_map(of).collect()
+}
+
+/// How many elements of a list must be there.
+fn least(wanted: &[Wanted<'_>]) -> u32 {
+    let last = wanted.iter().filter_map(|w| w.hops.first()?.element).max();
+    last.map_or(0, |last| last + 1)
+}
+
+/// Wanted elements of a list of numbers, with their slots.
+fn numbered(wanted: &[Wanted<'_>]) -> impl Iterator<Item = (usize, usize)> {
+    wanted.iter().filter_map(|w| Some((w.hops.first()?.element? as usize, w.slot?)))
+}

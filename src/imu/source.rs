@@ -1,0 +1,134 @@
+//! The IMUs that are asked for, by the configuration or by being of a known type: which vector of which topic each of
+//! their triads is. Reading these is left to [`Route`](super::route::Route).
+
+use serde::{Deserialize, Serialize};
+
+use super::config::{AccelUnit, ImuConfig, RateUnit, VectorConfig, VectorPath};
+use super::known::Known;
+use super::{ImuId, Sensor};
+
+/// One table of the configuration, or a topic that needs none.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Source {
+    config: ImuConfig,
+    /// What was found on its accelerometer's topic, by `frame_id`.
+    pub(super) imus: Vec<(Vec<u8>, ImuId)>,
+}
+
+/// A vector to be read from the messages of one topic.
+pub(super) struct Request<'a> {
+    pub(super) sensor: Sensor,
+    /// Key of the configuration that says where it stands.
+    pub(super) key: &'static str,
+    pub(super) name: &'a str,
+    pub(super) path: Option<&'a VectorPath>,
+    /// Where it stands in a message of this type, if nothing else is said.
+    pub(super) known: Option<&'static str>,
+    pub(super) factor: f64,
+    /// Whether it shares the topic of the accelerometer, and with it the `frame_id`.
+    pub(super) with_accel: bool,
+}
+
+impl Source {
+    pub(super) fn new(config: ImuConfig) -> Self {
+        Self { config, imus: Vec::new() }
+    }
+
+    /// What its annotations are named after.
+    pub(super) fn name(&self) -> String {
+        match &self.config.name {
+            Some(name) if name.starts_with('/') => name.clone(),
+            Some(name) => format!("/{name}"),
+            None => self.config.topic.clone(),
+        }
+    }
+
+    /// Topic of the accelerometer.
+    pub(super) fn topic(&self) -> &str {
+        own_topic(&self.config.accel).unwrap_or(&self.config.topic)
+    }
+
+    /// Topics that it reads.
+    pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
+        let others = (0..self.config.secondary.len()).map(|i| self.secondary_topic(i));
+        [self.topic(), self.gyro_topic()].into_iter().chain(others)
+    }
+
+    /// Names and topics of its triads. A gyroscope may also be known from the type of the accelerometer's messages.
+    pub(super) fn triads(&self, known_gyro: bool) -> impl Iterator<Item = (Sensor, &str, &str)> {
+        let accel = (Sensor::Accelerometer, "accelerometer", self.topic());
+        let gyro = (Sensor::Gyroscope, "gyroscope", self.gyro_topic());
+        let others = self.config.secondary.iter().enumerate();
+        let others = others.map(|(i, s)| (Sensor::Secondary(i), s.name.as_str(), self.secondary_topic(i)));
+        let gyro = (known_gyro || self.config.gyro.is_some()).then_some(gyro);
+        [accel].into_iter().chain(gyro).chain(others)
+    }
+
+    /// How many secondary accelerometers it has.
+    pub(super) fn secondaries(&self) -> usize {
+        self.config.secondary.len()
+    }
+
+    /// What it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
+    /// those of the others.
+    pub(super) fn requests(&self, topic: &str, known: Option<Known>) -> Vec<Request<'_>> {
+        let with_accel = topic == self.topic();
+        let mut requests = Vec::new();
+        let gyro = self.config.gyro.as_ref();
+        // A type that is not an IMU has one vector, which cannot be both triads.
+        let own = with_accel && gyro.is_none_or(|gyro| gyro.path.is_none());
+        let known_gyro = known.filter(|known| known.imu || !own).and_then(|known| known.gyro);
+        if topic == self.gyro_topic() && (gyro.is_some() || known_gyro.is_some()) {
+            requests.push(Request {
+                sensor: Sensor::Gyroscope,
+                key: "gyro",
+                name: "gyroscope",
+                path: gyro.and_then(|gyro| gyro.path.as_ref()),
+                known: known_gyro,
+                factor: gyro.map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
+                with_accel,
+            });
+        }
+        let accel = |config: Option<&'_ VectorConfig<AccelUnit>>| config.map_or(AccelUnit::default(), |c| c.unit);
+        let known_accel = known.and_then(|known| known.accel);
+        for (i, secondary) in self.config.secondary.iter().enumerate() {
+            if topic == self.secondary_topic(i) {
+                requests.push(Request {
+                    sensor: Sensor::Secondary(i),
+                    key: "accel",
+                    name: &secondary.name,
+                    path: secondary.accel.as_ref().and_then(|accel| accel.path.as_ref()),
+                    known: known_accel.filter(|_| !with_accel),
+                    factor: accel(secondary.accel.as_ref()).factor(),
+                    with_accel,
+                });
+            }
+        }
+        if with_accel {
+            requests.push(Request {
+                sensor: Sensor::Accelerometer,
+                key: "accel",
+                name: "accelerometer",
+                path: self.config.accel.as_ref().and_then(|accel| accel.path.as_ref()),
+                known: known_accel,
+                factor: accel(self.config.accel.as_ref()).factor(),
+                with_accel,
+            });
+        }
+        requests
+    }
+
+    fn gyro_topic(&self) -> &str {
+        own_topic(&self.config.gyro).unwrap_or(&self.config.topic)
+    }
+
+    fn secondary_topic(&self, i: usize) -> &str {
+        let secondary = self.config.secondary.get(i);
+        let topic = secondary.and_then(|s| own_topic(&s.accel).or(s.topic.as_deref()));
+        topic.unwrap_or(self.topic())
+    }
+}
+
+fn own_topic<Unit>(vector: &Option<VectorConfig<Unit>>) -> Option<&str> {
+    vector.as_ref()?.topic.as_deref()
+}
