@@ -73,16 +73,22 @@ impl Inflate {
     }
 
     fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
+        let (mut rest, mut filled) = (data, 0);
         self.out.clear();
-        let mut rest = data;
-        while self.out.len() < size && !rest.is_empty() {
-            reserve(&mut self.out, size, data.len());
-            let left = (size - self.out.len()) as u64;
-            let mut frame = lz4::Decoder::new(&mut rest).map_err(corrupt)?.take(left);
-            if frame.read_to_end(&mut self.out).map_err(corrupt)? == 0 {
-                break;
+        while filled < size && !rest.is_empty() {
+            let mut frame = lz4::Decoder::new(&mut rest).map_err(corrupt)?;
+            while filled < size {
+                if filled == self.out.len() {
+                    reserve(&mut self.out, size, data.len());
+                    self.out.resize(self.out.capacity().min(size), 0);
+                }
+                match frame.read(self.out.get_mut(filled..).unwrap_or_default()).map_err(corrupt)? {
+                    0 => break,
+                    read => filled += read,
+                }
             }
         }
+        self.out.truncate(filled);
         Ok(())
     }
 }

@@ -1,3 +1,5 @@
+//! What can go wrong with a recording as a whole. Damage within one is an [event](super::Event), and no error.
+
 use std::io;
 
 /// Why a recording cannot be read or written.
@@ -7,7 +9,7 @@ pub enum Error {
     #[error("the recording is empty; if it is still to be written, follow it with `stillpoint tail`")]
     Empty,
     /// The first bytes are not MCAP's.
-    #[error("not an MCAP recording: the first 8 bytes are {found:02x?}; convert other formats with `mcap convert`")]
+    #[error("not an MCAP recording: it begins with {found:02x?}; convert ROS bags with `mcap convert` first")]
     NotMcap {
         /// The bytes that stand there.
         found: Vec<u8>,
@@ -26,8 +28,8 @@ pub enum Error {
         /// Topics there are.
         topics: usize,
     },
-    /// A record does not fit its 32-bit length field, or a chunk could not be compressed.
-    #[error("cannot write a chunk of {bytes} bytes: {cause}")]
+    /// The annotations of a chunk could not be compressed.
+    #[error("cannot compress a chunk of {bytes} bytes: {cause}")]
     Chunk {
         /// Its uncompressed size.
         bytes: usize,

@@ -8,10 +8,9 @@ use stillpoint::record::{Block, Error, Fold, Sidecar, Tail, Topic};
 
 use crate::drive::{Told, blocks, fold, messages, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, recipes, shared};
+use crate::records::{channel, chunk, message, record, recording, schema};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(120))]
-
     #[test]
     fn an_annotated_recording_is_read_by_others(recipe in recipes()) {
         let file = recipe.write();
@@ -26,6 +25,8 @@ proptest! {
         let loose = !recipe.chunked && !recipe.messages.is_empty();
         prop_assert_eq!(summary.chunk_indexes.is_empty(), loose);
         prop_assert_eq!(all_messages(&out), expected_messages(&file));
+        let data_end = scan(&out).1.prefix() as usize;
+        prop_assert_eq!(out[data_end + 9..data_end + 13] != [0; 4], recipe.data_crc);
     }
 
     #[test]
@@ -153,4 +154,28 @@ fn expected_messages(file: &[u8]) -> Vec<Flat> {
         (topic, annotation.sequence, annotation.log_time, annotation.data)
     });
     original.chain(annotations).collect()
+}
+
+#[test]
+fn what_only_the_summary_knew_is_kept_in_both_sections() {
+    let private = record(0xA0, b"of the recorder");
+    let file = recording(&[chunk(&message(7, 5))], &[schema(3), channel(7, 3), private.clone()]);
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let kept = |bytes: &[u8], needle: &[u8]| bytes.windows(needle.len()).filter(|found| found == &needle).count();
+    // Once in the kept tail, once in the data section, once in the summary; the private record is no data.
+    assert_eq!((kept(&out, &channel(7, 3)), kept(&out, &private)), (3, 2));
+    let topic = &Summary::read(&out).unwrap().unwrap().channels[&7].topic;
+    assert_eq!(topic, "/topic7");
+}
+
+#[test]
+fn beside_messages_outside_chunks_no_chunk_is_indexed() {
+    let file = recording(&[channel(1, 0), chunk(&message(1, 5)), message(1, 6)], &[]);
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let summary = Summary::read(&out).unwrap().unwrap();
+    let statistics = summary.stats.unwrap();
+    assert_eq!((summary.chunk_indexes.len(), statistics.chunk_count, statistics.message_count), (0, 1, 7));
+    assert_eq!(all_messages(&out), expected_messages(&file));
 }

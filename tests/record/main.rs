@@ -5,4 +5,5 @@ mod drive;
 mod folding;
 mod recognising;
 mod recordings;
+mod records;
 mod scanning;

@@ -5,8 +5,6 @@ use crate::drive::{blocks, fold, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, shared};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
-
     #[test]
     fn stripping_an_annotated_recording_gives_the_original(file in mistreated()) {
         let annotated = fold(&file, &topics(), &blocks());
