@@ -1,4 +1,4 @@
-//! Events to message bytes: which topic an event goes to, how it is encoded, and which block it lies in.
+//! Events to message bytes and back: which topic an event goes to, how it is encoded, and which block it lies in.
 //!
 //! Ids, chunks and files are left to [`record`](crate::record); the stamp in a message's header is the engine's.
 //! Everything here is a function of the events and of where the input's chunks end, never of wall-clock.
@@ -14,7 +14,7 @@ mod ros2msg;
 
 pub use config::{Corrected, EncodingChoice, OutputConfig};
 pub use encoding::Encoding;
-pub use read::read;
+pub use read::{ReadError, read};
 
 use crate::engine::{Event, Message};
 use crate::record::{Annotation, Block, Topic};

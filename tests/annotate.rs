@@ -17,9 +17,9 @@ use std::process::Command;
 
 use proptest::prelude::*;
 use prost::Message as _;
-use stillpoint::annotate::{Annotator, Encoding};
+use stillpoint::annotate::{Annotator, Encoding, read};
 use stillpoint::engine::{Event, Message};
-use stillpoint::messages::{Calibration, Coverage, Segment, Stillness, foxglove};
+use stillpoint::messages::{Calibration, Coverage, Segment, Stillness, Triad, Vector3, foxglove};
 use stillpoint::record::{Annotation, Block, Topic};
 
 use reader::{Schema, Value};
@@ -80,17 +80,37 @@ proptest! {
     }
 
     #[test]
-    fn a_protobuf_annotation_reads_as_what_the_message_says(message in arbitrary::message()) {
-        let (_, annotation) = alone(Encoding::Protobuf, message.clone());
-        let data = annotation.data.as_slice();
-        let read = match &message {
-            Message::Stillness(_) => Message::Stillness(Stillness::decode(data).unwrap()),
-            Message::Segment(_) => Message::Segment(Segment::decode(data).unwrap()),
-            Message::Coverage(_) => Message::Coverage(Coverage::decode(data).unwrap()),
-            Message::Calibration(_) => Message::Calibration(Box::new(Calibration::decode(data).unwrap())),
-            Message::Log(_) => Message::Log(foxglove::Log::decode(data).unwrap()),
-        };
-        prop_assert_eq!(read, message);
+    fn a_protobuf_annotation_is_read_back_as_the_message_it_was(message in arbitrary::message()) {
+        let (topic, annotation) = alone(Encoding::Protobuf, message.clone());
+        prop_assert_eq!(read(&topic.schema_name, topic.message_encoding, &annotation.data), Ok(message));
+    }
+
+    #[test]
+    fn a_ros_2_annotation_read_back_says_the_same(message in arbitrary::message()) {
+        let (topic, annotation) = alone(Encoding::Ros2, message);
+        let back = read(&topic.schema_name, topic.message_encoding, &annotation.data).unwrap();
+        prop_assert_eq!(alone(Encoding::Ros2, back).1, annotation);
+    }
+
+    #[test]
+    fn damaged_annotations_are_refused_without_panic(
+        message in arbitrary::message(),
+        cut in any::<prop::sample::Index>(),
+        at in any::<prop::sample::Index>(),
+        byte: u8,
+    ) {
+        for encoding in [Encoding::Ros2, Encoding::Protobuf] {
+            let (topic, Annotation { mut data, .. }) = alone(encoding, message.clone());
+            if encoding == Encoding::Ros2 {
+                let cut = &data[..cut.index(data.len())];
+                prop_assert!(read(&topic.schema_name, topic.message_encoding, cut).is_err());
+            }
+            if !data.is_empty() {
+                let at = at.index(data.len());
+                data[at] = byte;
+                let _ = read(&topic.schema_name, topic.message_encoding, &data);
+            }
+        }
     }
 }
 
@@ -107,13 +127,29 @@ fn an_absent_triad_is_undetermined_and_its_numbers_are_nan() {
 }
 
 #[test]
+fn what_is_absent_in_ros_2_is_absent_again_when_read_back() {
+    let zero = Vector3::default();
+    let gyroscope = Triad { bias: Some(zero), residual_rms: Some(0.0), ..Triad::default() };
+    let calibration = Calibration { gyroscope: Some(gyroscope), ..Calibration::default() };
+    let message = Message::Calibration(Box::new(calibration));
+    let (topic, annotation) = alone(Encoding::Ros2, message.clone());
+    assert_eq!(read(&topic.schema_name, topic.message_encoding, &annotation.data), Ok(message));
+}
+
+#[test]
+fn a_message_that_is_no_annotation_is_refused_with_its_type() {
+    let error = read("sensor_msgs/msg/Imu", "cdr", &[]).unwrap_err();
+    assert!(error.to_string().contains("sensor_msgs/msg/Imu"), "{error}");
+}
+
+#[test]
 fn a_time_beyond_2038_saturates_in_ros_2_and_is_kept_in_protobuf() {
     let late = prost_types::Timestamp { seconds: 1 << 33, nanos: 5 };
-    let coverage = Segment { start: Some(late), ..Segment::default() };
-    let (_, ros2) = alone(Encoding::Ros2, Message::Segment(coverage.clone()));
+    let segment = Segment { start: Some(late), ..Segment::default() };
+    let (_, ros2) = alone(Encoding::Ros2, Message::Segment(segment.clone()));
     let read = ros2_schema(Message::Segment(Segment::default())).decode(&ros2.data);
     assert_eq!(field(&read, "start.sec"), &Value::Integer(i32::MAX.into()));
-    let (_, protobuf) = alone(Encoding::Protobuf, Message::Segment(coverage));
+    let (_, protobuf) = alone(Encoding::Protobuf, Message::Segment(segment));
     assert_eq!(Segment::decode(protobuf.data.as_slice()).unwrap().start, Some(late));
 }
 

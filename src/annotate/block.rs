@@ -51,7 +51,36 @@ impl OpenBlock {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        #[test]
+        fn blocks_lose_nothing_and_are_as_large_as_they_may_be(
+            parts in prop::collection::vec((0..3 * MAX_SPAN, 0..MAX_BYTES), 0..40),
+        ) {
+            let given: Vec<_> = parts.into_iter().map(|(log_time, bytes)| annotation(log_time, bytes)).collect();
+            let mut open = OpenBlock::default();
+            let mut blocks: Vec<_> = given.iter().filter_map(|one| open.push(one.clone(), false)).collect();
+            blocks.extend(open.close());
+
+            let written: Vec<_> = blocks.iter().flat_map(|block| block.annotations.clone()).collect();
+            prop_assert_eq!(&written, &given);
+            prop_assert!(blocks.iter().all(|block| fits(&block.annotations)));
+            for pair in blocks.windows(2) {
+                let one_more = [&pair[0].annotations[..], &pair[1].annotations[..1]].concat();
+                prop_assert!(!fits(&one_more));
+            }
+        }
+    }
+
+    fn fits(annotations: &[Annotation]) -> bool {
+        let times = || annotations.iter().map(|annotation| annotation.log_time);
+        let bytes: usize = annotations.iter().map(|annotation| annotation.data.len()).sum();
+        let span = times().max().unwrap_or(0) - times().min().unwrap_or(0);
+        !annotations.is_empty() && span <= 5_000_000_000 && bytes <= 262_144
+    }
 
     fn annotation(log_time: u64, bytes: usize) -> Annotation {
         Annotation { topic: 0, sequence: 0, log_time, data: vec![0; bytes] }

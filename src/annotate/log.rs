@@ -1,7 +1,6 @@
 //! The log message of ROS 2, which its own tools show. In every other recording it is Foxglove's.
 
-use super::cdr::Writer;
-use super::ros2::write_time;
+use super::cdr::{Reader, Writer};
 use crate::messages::foxglove::{Log, log::Level};
 
 pub const SCHEMA_NAME: &str = "rcl_interfaces/msg/Log";
@@ -27,9 +26,8 @@ uint32 nanosec
 
 /// The bytes of a log message as `SCHEMA` has it. Foxglove's knows no function.
 pub fn encode(log: &Log) -> Vec<u8> {
-    let stamp = log.timestamp.unwrap_or_default();
     let mut out = Writer::new();
-    write_time(&mut out, stamp.seconds, stamp.nanos);
+    out.time(log.timestamp.unwrap_or_default());
     out.u8(severity(log.level()));
     out.string(&log.name);
     out.string(&log.message);
@@ -37,6 +35,15 @@ pub fn encode(log: &Log) -> Vec<u8> {
     out.string("");
     out.u32(log.line);
     out.finish()
+}
+
+/// The log message in those bytes.
+pub fn read(input: &mut Reader) -> Result<Log, String> {
+    let timestamp = Some(input.time()?);
+    let level = level(input.u8()?).into();
+    let (name, message, file) = (input.string()?.to_owned(), input.string()?.to_owned(), input.string()?.to_owned());
+    let _function = input.string()?;
+    Ok(Log { timestamp, level, message, name, file, line: input.u32()? })
 }
 
 fn severity(level: Level) -> u8 {
@@ -47,5 +54,16 @@ fn severity(level: Level) -> u8 {
         Level::Warning => 30,
         Level::Error => 40,
         Level::Fatal => 50,
+    }
+}
+
+fn level(severity: u8) -> Level {
+    match severity {
+        10 => Level::Debug,
+        20 => Level::Info,
+        30 => Level::Warning,
+        40 => Level::Error,
+        50 => Level::Fatal,
+        _ => Level::Unknown,
     }
 }

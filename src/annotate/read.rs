@@ -1,177 +1,124 @@
-//! Annotations read back: the bytes of a message to what the engine said. The inverse of [`ros2`](super::ros2) where the
-//! recording is ROS 2; bytes that are not ours are refused.
+//! Annotations read back as the messages they were. Finding them in a recording is left to [`record`](crate::record).
 
-use prost::Message as _;
-use prost_reflect::{DynamicMessage, Kind, MessageDescriptor, ReflectMessage, Value};
+use prost::{Message as _, Name};
+use prost_reflect::{DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, Value};
+use prost_types::Timestamp;
+use thiserror::Error;
 
+use super::cdr::Reader;
 use super::encoding::descriptor;
+use super::log;
 use super::ros2::Type;
 use crate::engine::Message;
-use crate::messages::{Calibration, Coverage, Segment};
+use crate::messages::{Calibration, Coverage, Segment, Stillness, foxglove};
 
-/// The annotation in a message on a topic, with the name of its IMU; `None` for stillness, logs, and what is not ours.
+/// Why a message is not an annotation.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ReadError {
+    /// Of a type or encoding that Stillpoint does not write.
+    #[error("{schema:?} as {encoding:?} is no annotation of Stillpoint: check which topic it is on")]
+    Unknown {
+        /// Name of the type.
+        schema: String,
+        /// Encoding of the message.
+        encoding: String,
+    },
+    /// Of a type that Stillpoint writes, with bytes that it does not.
+    #[error("{schema} of {length} bytes {problem}: annotate the recording anew")]
+    Broken {
+        /// Name of the type.
+        schema: String,
+        /// Length of the message.
+        length: usize,
+        /// What is wrong, and where.
+        problem: String,
+    },
+}
+
+/// Reads one annotation. What an encoding can only write as NaN or zero is absent again.
 ///
-/// `encoding` is that of the message: `cdr` or `protobuf`.
-pub fn read<'a>(topic: &'a str, encoding: &str, data: &[u8]) -> Option<(&'a str, Message)> {
-    let (imu, kind) = topic.split_once("/stillpoint/")?;
-    let message = match kind {
-        "segment" => Message::Segment(decode::<Segment>(encoding, data)?),
-        "coverage" => Message::Coverage(decode::<Coverage>(encoding, data)?),
-        "calibration" => Message::Calibration(Box::new(decode::<Calibration>(encoding, data)?)),
-        _ => return None,
+/// # Errors
+///
+/// If it is of no type and encoding that Stillpoint writes, or its bytes do not hold that type.
+pub fn read(schema: &str, encoding: &str, data: &[u8]) -> Result<Message, ReadError> {
+    let read = match (encoding, schema) {
+        ("protobuf", "stillpoint.Stillness") => protobuf(data).map(Message::Stillness),
+        ("protobuf", "stillpoint.Segment") => protobuf(data).map(Message::Segment),
+        ("protobuf", "stillpoint.Coverage") => protobuf(data).map(Message::Coverage),
+        ("protobuf", "stillpoint.Calibration") => protobuf(data).map(|read| Message::Calibration(Box::new(read))),
+        ("protobuf", "foxglove.Log") => protobuf(data).map(Message::Log),
+        ("cdr", "stillpoint_msgs/msg/Stillness") => cdr::<Stillness>(data).map(Message::Stillness),
+        ("cdr", "stillpoint_msgs/msg/Segment") => cdr::<Segment>(data).map(Message::Segment),
+        ("cdr", "stillpoint_msgs/msg/Coverage") => cdr::<Coverage>(data).map(Message::Coverage),
+        ("cdr", "stillpoint_msgs/msg/Calibration") => {
+            cdr::<Calibration>(data).map(|read| Message::Calibration(Box::new(read)))
+        }
+        ("cdr", log::SCHEMA_NAME) => cdr_log(data).map(Message::Log),
+        _ => return Err(ReadError::Unknown { schema: schema.to_owned(), encoding: encoding.to_owned() }),
     };
-    Some((imu, message))
+    read.map_err(|problem| ReadError::Broken { schema: schema.to_owned(), length: data.len(), problem })
 }
 
-fn decode<M: prost::Message + prost::Name + Default>(encoding: &str, data: &[u8]) -> Option<M> {
-    match encoding {
-        "protobuf" => M::decode(data).ok(),
-        "cdr" => {
-            let body = data.strip_prefix(&[0, 1, 0, 0])?;
-            let message = Reader { body, at: 0 }.message(&descriptor::<M>())?;
-            M::decode(message.encode_to_vec().as_slice()).ok()
-        }
-        _ => None,
-    }
+fn protobuf<M: prost::Message + Default>(data: &[u8]) -> Result<M, String> {
+    M::decode(data).map_err(|error| format!("cannot be decoded ({error})"))
 }
 
-/// Reads CDR, little-endian, version 1.
-struct Reader<'a> {
-    body: &'a [u8],
-    at: usize,
+fn cdr<M: prost::Message + Name + Default>(data: &[u8]) -> Result<M, String> {
+    let mut input = Reader::new(data)?;
+    let (message, _) = message(&mut input, &descriptor::<M>())?;
+    protobuf(&message.encode_to_vec())
 }
 
-impl Reader<'_> {
-    fn message(&mut self, descriptor: &MessageDescriptor) -> Option<DynamicMessage> {
-        let mut message = DynamicMessage::new(descriptor.clone());
-        if Type::of(descriptor) == Type::Time {
-            let (seconds, nanos) = (i32::from_le_bytes(self.aligned()?), u32::from_le_bytes(self.aligned()?));
-            message.try_set_field_by_name("seconds", Value::I64(seconds.into())).ok()?;
-            message.try_set_field_by_name("nanos", Value::I32(i32::try_from(nanos).ok()?)).ok()?;
-            return Some(message);
-        }
-        for field in descriptor.fields() {
-            if field.is_list() {
-                let length = self.length()?;
-                let elements = (0..length).map(|_| self.value(&field.kind())).collect::<Option<Vec<_>>>()?;
-                message.try_set_field(&field, Value::List(elements)).ok()?;
-            } else {
-                let value = self.value(&field.kind())?;
-                if !(field.supports_presence() && is_absent(&value)) {
-                    message.try_set_field(&field, value).ok()?;
-                }
-            }
-        }
-        Some(message)
-    }
-
-    fn value(&mut self, kind: &Kind) -> Option<Value> {
-        Some(match kind {
-            Kind::Message(descriptor) => Value::Message(self.message(descriptor)?),
-            Kind::Enum(_) => Value::EnumNumber(self.bytes(1)?.first().copied()?.into()),
-            Kind::Bool => Value::Bool(self.bytes(1)? != [0]),
-            Kind::Uint32 => Value::U32(u32::from_le_bytes(self.aligned()?)),
-            Kind::Uint64 => Value::U64(u64::from_le_bytes(self.aligned()?)),
-            Kind::Double => Value::F64(f64::from_le_bytes(self.aligned()?)),
-            Kind::String => {
-                let length = self.length()?;
-                let text = self.bytes(length)?.split_last()?.1;
-                Value::String(std::str::from_utf8(text).ok()?.to_owned())
-            }
-            _ => return None,
-        })
-    }
-
-    /// Elements or bytes that follow; none takes less than a byte.
-    fn length(&mut self) -> Option<usize> {
-        let length = u32::from_le_bytes(self.aligned()?) as usize;
-        (length <= self.body.len() - self.at).then_some(length)
-    }
-
-    fn aligned<const SIZE: usize>(&mut self) -> Option<[u8; SIZE]> {
-        self.at = self.at.next_multiple_of(SIZE);
-        self.bytes(SIZE)?.try_into().ok()
-    }
-
-    fn bytes(&mut self, length: usize) -> Option<&[u8]> {
-        let bytes = self.body.get(self.at..self.at.checked_add(length)?)?;
-        self.at += length;
-        Some(bytes)
-    }
+fn cdr_log(data: &[u8]) -> Result<foxglove::Log, String> {
+    let mut input = Reader::new(data)?;
+    log::read(&mut input)
 }
 
-/// ROS 2 cannot leave a field out: a number that was not estimated reads NaN, and so does all of a vector.
-fn is_absent(value: &Value) -> bool {
-    match value {
-        Value::F64(value) => value.is_nan(),
-        Value::Message(message) => {
-            let is_nan = |value: &Value| value.as_f64().is_some_and(f64::is_nan);
-            message.descriptor().fields().all(|field| is_nan(&message.get_field(&field)))
-        }
-        _ => false,
+/// A message, and whether it says anything.
+fn message(input: &mut Reader, descriptor: &MessageDescriptor) -> Result<(DynamicMessage, bool), String> {
+    let mut message = DynamicMessage::new(descriptor.clone());
+    if Type::of(descriptor) == Type::Time {
+        let Timestamp { seconds, nanos } = input.time()?;
+        message.set_field_by_name("seconds", Value::I64(seconds));
+        message.set_field_by_name("nanos", Value::I32(nanos));
+        return Ok((message, seconds != 0 || nanos != 0));
     }
+    let mut says_anything = false;
+    for field in descriptor.fields() {
+        let (value, says) = field_value(input, &field)?;
+        says_anything |= says;
+        if says || !field.supports_presence() {
+            message.set_field(&field, value);
+        }
+    }
+    Ok((message, says_anything))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::Encoding;
-    use super::*;
-    use crate::messages::{Face, Header, Triad, Vector3};
-
-    fn calibration() -> Calibration {
-        let vector = Vector3 { x: 0.1, y: -0.2, z: 1e-300 };
-        Calibration {
-            header: Some(Header {
-                stamp: Some(prost_types::Timestamp { seconds: 5, nanos: 7 }),
-                frame_id: "imu".into(),
-            }),
-            revision: 3,
-            accelerometer: Some(Triad {
-                sensor: "accelerometer".into(),
-                model: 2,
-                status: 1,
-                bias: Some(vector),
-                sensitivity: vec![1.0, 0.0, 0.5],
-                chi2_per_dof: None,
-                residual_rms: Some(0.25),
-                notes: vec!["two".into(), String::new()],
-                ..Triad::default()
-            }),
-            gyroscope: Some(Triad::default()),
-            from: Some(prost_types::Timestamp { seconds: 1, nanos: 0 }),
-            until: Some(prost_types::Timestamp { seconds: 2, nanos: 0 }),
-            ..Calibration::default()
-        }
+/// A value, and whether it says anything: NaN, zero and empty do not.
+fn field_value(input: &mut Reader, field: &FieldDescriptor) -> Result<(Value, bool), String> {
+    if !field.is_list() {
+        return element(input, &field.kind());
     }
-
-    #[test]
-    fn what_was_written_reads_back_in_both_encodings() {
-        let coverage = Coverage {
-            header: calibration().header,
-            faces: vec![Face { name: "+X".into(), normal: None, placements: 2, seconds: 1.5 }; 2],
-            complete: true,
-            next_step: "turn".into(),
-        };
-        for said in [Message::Calibration(Box::new(calibration())), Message::Coverage(coverage)] {
-            let topic = match &said {
-                Message::Coverage(_) => "/imu/stillpoint/coverage",
-                _ => "/imu/stillpoint/calibration",
-            };
-            for (encoding, name) in [(Encoding::Ros2, "cdr"), (Encoding::Protobuf, "protobuf")] {
-                let data = encoding.encode(&said);
-                assert_eq!(read(topic, name, &data), Some(("/imu", said.clone())), "{name}");
-            }
-        }
+    let mut elements = Vec::new();
+    for _ in 0..input.u32()? {
+        elements.push(element(input, &field.kind())?.0);
     }
+    let says = !elements.is_empty();
+    Ok((Value::List(elements), says))
+}
 
-    #[test]
-    fn bytes_that_are_not_ours_are_refused() {
-        let data = Encoding::Ros2.encode(&Message::Calibration(Box::new(calibration())));
-        for length in 0..data.len() {
-            let cut = data.get(..length).unwrap();
-            assert_eq!(read("/imu/stillpoint/calibration", "cdr", cut), None, "{length}");
+fn element(input: &mut Reader, kind: &Kind) -> Result<(Value, bool), String> {
+    Ok(match kind {
+        Kind::Message(descriptor) => {
+            let (message, says) = message(input, descriptor)?;
+            (Value::Message(message), says)
         }
-        assert_eq!(read("/imu/stillpoint/corrected", "cdr", &data), None);
-        assert_eq!(read("/imu/data", "cdr", &data), None);
-    }
+        Kind::Enum(_) => input.u8().map(|number| (Value::EnumNumber(number.into()), number != 0))?,
+        Kind::Bool => input.u8().map(|number| (Value::Bool(number != 0), number != 0))?,
+        Kind::Uint32 => input.u32().map(|number| (Value::U32(number), number != 0))?,
+        Kind::Uint64 => input.u64().map(|number| (Value::U64(number), number != 0))?,
+        Kind::Double => input.f64().map(|number| (Value::F64(number), !number.is_nan()))?,
+        Kind::String => input.string().map(|text| (Value::String(text.to_owned()), !text.is_empty()))?,
+        other => unreachable!("{other:?} has no ROS 2 type here yet"),
+    })
 }

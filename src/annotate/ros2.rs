@@ -1,10 +1,11 @@
-//! The annotations as ROS 2 messages: which type each becomes, and the bytes of one. The text of their definitions is left
-//! to [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
+//! The annotations as ROS 2 messages: which type each becomes, and the bytes of one. The text of their definitions is
+//! left to [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
 //!
-//! ROS 2 cannot leave a field out. Where nothing was estimated, every `float64` reads NaN, also those of a message that is
-//! absent as a whole; everything else reads zero or empty.
+//! ROS 2 cannot leave a field out. Where nothing was estimated, every `float64` reads NaN, also those of a message that
+//! is absent as a whole; everything else reads zero or empty.
 
 use prost_reflect::{DynamicMessage, Kind, MessageDescriptor, ReflectMessage, Value};
+use prost_types::Timestamp;
 
 use super::cdr::Writer;
 
@@ -103,11 +104,5 @@ fn write_timestamp(out: &mut Writer, timestamp: &DynamicMessage) {
     let part = |name| timestamp.get_field_by_name(name);
     let seconds = part("seconds").and_then(|value| value.as_i64()).unwrap_or_default();
     let nanos = part("nanos").and_then(|value| value.as_i32()).unwrap_or_default();
-    write_time(out, seconds, nanos);
-}
-
-/// A time, as seconds and nanoseconds; ROS 2 knows none beyond the year 2038.
-pub fn write_time(out: &mut Writer, seconds: i64, nanos: i32) {
-    out.i32(seconds.clamp(i32::MIN.into(), i32::MAX.into()) as i32);
-    out.u32(nanos.max(0) as u32);
+    out.time(Timestamp { seconds, nanos });
 }

@@ -13,11 +13,17 @@ const SEPARATOR: &str = "=======================================================
 /// Where the comment at the head of a file hangs: on its `syntax` statement (field 12 of `FileDescriptorProto`).
 const HEAD_OF_FILE: &[i32] = &[12];
 
+/// What the schema file cannot say, since in protobuf it is not so.
+const ABSENCE: &str = "In ROS 2, a float64 that is absent, or part of a message that is absent, reads NaN.\n\
+    Whatever else is absent reads zero or empty.";
+
 /// The definition of a message, followed by those of the messages in it.
 pub fn schema(message: &MessageDescriptor) -> String {
     let file = message.parent_file();
     let mut text = String::new();
     write_block(&mut text, leading(comment(&file, HEAD_OF_FILE)));
+    write_block(&mut text, ABSENCE);
+    text.push('\n');
     write_definition(&mut text, message);
     for part in parts_of(message) {
         let _ = writeln!(text, "{SEPARATOR}\nMSG: {}", Type::of(&part).name());

@@ -22,16 +22,24 @@ pub fn findings(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
 }
 
 fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+    let mut schemas = BTreeMap::new();
     let mut channels = BTreeMap::new();
     let mut imus = Vec::<Findings>::new();
     recording.scan(watch, |event| match event {
-        Event::Channel(channel) if channel.topic.contains("/stillpoint/") => {
-            channels.insert(channel.id, (channel.topic.clone(), channel.message_encoding.clone()));
+        Event::Schema(schema) => {
+            schemas.insert(schema.id, schema.name.clone());
+        }
+        Event::Channel(channel) => {
+            let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+            if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
+                channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
+            }
         }
         Event::Message(message) => {
-            let Some((topic, encoding)) = channels.get(&message.channel) else { return };
-            let Some((name, said)) = annotate::read(topic, encoding, message.data) else { return };
-            let known = imus.iter().position(|imu| imu.name == name).unwrap_or_else(|| {
+            let Some((name, schema, encoding)) = channels.get(&message.channel) else { return };
+            // What cannot be read is not an annotation of this version, such as a corrected reading.
+            let Ok(said) = annotate::read(schema, encoding, message.data) else { return };
+            let known = imus.iter().position(|imu| imu.name == *name).unwrap_or_else(|| {
                 imus.push(Findings::new(name, name));
                 imus.len() - 1
             });

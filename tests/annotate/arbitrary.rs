@@ -39,7 +39,8 @@ prop_compose! {
 
 prop_compose! {
     fn triad_mean()(
-        sensor in text(), samples: u64, effective_samples: f64, mean in of(vector()), covariance in numbers(), std in of(vector()),
+        (sensor, samples, effective_samples) in (text(), any::<u64>(), any::<f64>()),
+        (mean, covariance, std) in (of(vector()), numbers(), of(vector())),
     ) -> TriadMean {
         TriadMean { sensor, samples, effective_samples, mean, covariance, std }
     }
@@ -86,7 +87,8 @@ prop_compose! {
     ) -> Triad {
         Triad {
             sensor, topic, model, status, bias, scale, sensitivity, bias_std, scale_std, sensitivity_std, g_sensitivity,
-            g2_sensitivity, rate_sensitivity, residual_rms, chi2_per_dof, worst_case_error, condition, covariance, notes,
+            g2_sensitivity, rate_sensitivity, residual_rms, chi2_per_dof, worst_case_error, condition, covariance,
+            notes,
         }
     }
 }

@@ -1,5 +1,5 @@
-//! A reader of ROS 2 messages that knows nothing but the text of a schema, as any reader of a recording does. It shares no
-//! code with the library.
+//! A reader of ROS 2 messages that knows nothing but the text of a schema, as any reader of a recording does. It shares
+//! no code with the library.
 
 use std::collections::{BTreeMap, HashMap};
 
