@@ -71,6 +71,7 @@ impl fmt::Display for Reason<'_> {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 "no space left; free some or choose another disk with -o"
             }
+            io::ErrorKind::UnexpectedEof => "it became shorter while it was read",
             io::ErrorKind::FileTooLarge => "the file system or a limit allows no file of this size",
             _ => return self.0.fmt(f),
         })

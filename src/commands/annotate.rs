@@ -23,6 +23,9 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 if json {
                     print_json(&result(input, output, &report))?;
                 }
+                if args.inputs.len() > 1 {
+                    info!("{}", input.display());
+                }
                 say(output, &report, written);
                 code(args, &report)
             }
@@ -85,7 +88,8 @@ fn one(
 }
 
 fn code(args: &cli::Annotate, report: &Report) -> Code {
-    if args.require_calibration && !(report.imus.iter().all(|imu| imu.is_calibrated()) && !report.imus.is_empty()) {
+    let calibrated = !report.imus.is_empty() && report.imus.iter().all(|imu| imu.is_calibrated());
+    if args.require_calibration && !calibrated {
         Code::Uncalibrated
     } else if report.damages > 0 && !args.accept_damage {
         Code::Damaged

@@ -75,7 +75,8 @@ fn triad(triad: Option<&Triad>) -> Value {
 }
 
 fn vector(v: &Vector3) -> Value {
-    json!([v.x, v.y, v.z])
+    // Protobuf does not tell zeros of either sign apart, so that what was read back must not either.
+    json!([v.x + 0.0, v.y + 0.0, v.z + 0.0])
 }
 
 fn text(text: &str) -> Option<&str> {

@@ -3,7 +3,7 @@
 
 use console::{measure_text_width, style};
 use stillpoint::messages::triad::{Model, Status};
-use stillpoint::messages::{Coverage, Segment, Triad, Vector3};
+use stillpoint::messages::{Face, Segment, Triad, Vector3};
 use stillpoint::run::Findings;
 
 use super::table::{Table, estimate};
@@ -13,16 +13,14 @@ const LISTED: usize = 12;
 
 /// The findings of one IMU, on several lines.
 pub fn imu(findings: &Findings) -> String {
-    let mut lines = vec![heading(findings)];
-    lines.push(rests(findings));
+    let mut lines = vec![heading(findings), rests(findings)];
     if let Some(coverage) = &findings.coverage {
-        lines.push(format!("  faces    {}", faces(coverage)));
+        lines.extend(wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
     }
     lines.extend(calibration(findings));
     lines.extend(rejected(findings));
     if let Some(coverage) = &findings.coverage {
-        lines.push(style("  next").for_stderr().bold().to_string());
-        lines.extend(wrap(&coverage.next_step));
+        lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
     }
     lines.join("\n")
 }
@@ -55,19 +53,18 @@ fn rests(findings: &Findings) -> String {
     }
 }
 
-fn faces(coverage: &Coverage) -> String {
-    let face = |face: &stillpoint::messages::Face| match face.placements {
+fn face(face: &Face) -> String {
+    match face.placements {
         0 => style(format!("{} missing", face.name)).for_stderr().yellow().to_string(),
-        n => format!("{} {n}× {:.1} s", face.name, face.seconds),
-    };
-    coverage.faces.iter().map(face).collect::<Vec<_>>().join("   ")
+        times => format!("{} {times}× {:.1} s", face.name, face.seconds),
+    }
 }
 
 fn calibration(findings: &Findings) -> Vec<String> {
     let Some(calibration) = &findings.calibration else { return Vec::new() };
-    let triads = || calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
+    let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
     let mut table = Table::default();
-    for triad in triads() {
+    for triad in triads {
         let unit = if triad.sensor == "gyroscope" { "rad/s" } else { "m/s²" };
         table.heading(format!("{}  {}", triad.sensor, verdict(triad)));
         if let (Some(bias), Some(std)) = (&triad.bias, &triad.bias_std) {
@@ -79,12 +76,10 @@ fn calibration(findings: &Findings) -> Vec<String> {
         if let Some(worst) = triad.worst_case_error {
             table.heading(format!("  corrected readings err by at most {worst:.3} m/s² (95 %)"));
         }
+        triad.notes.iter().flat_map(|note| sentence("  ", note)).for_each(|line| table.heading(line));
     }
     let mut lines = vec![style("  measured = bias + scale · true").for_stderr().dim().to_string()];
     lines.extend(table.lines("  "));
-    for triad in triads() {
-        lines.extend(triad.notes.iter().flat_map(|note| wrap(&format!("{}: {note}", triad.sensor))));
-    }
     lines
 }
 
@@ -112,14 +107,8 @@ fn rejected(findings: &Findings) -> Vec<String> {
             t.as_ref().map_or(0, |t| t.seconds.saturating_mul(1_000_000_000).saturating_add(t.nanos.into()))
         };
         let (start, end) = (nanos(&rest.start), nanos(&rest.end));
-        let seconds = |nanos: i64| nanos as f64 * 1e-9;
-        wrap(&format!(
-            "{} at {:+.1} s, {:.1} s long: {}",
-            rest.reason().as_str_name(),
-            seconds(start.saturating_sub(origin)),
-            seconds(end.saturating_sub(start)),
-            rest.explanation
-        ))
+        let (at, long) = (start.saturating_sub(origin) as f64 * 1e-9, end.saturating_sub(start) as f64 * 1e-9);
+        sentence(&format!("  {at:>+7.1} s {long:>5.1} s {} ", rest.reason().as_str_name()), &rest.explanation)
     };
     let mut lines: Vec<_> = findings.rejected().take(LISTED).flat_map(line).collect();
     let further = findings.rejected().count().saturating_sub(LISTED);
@@ -127,23 +116,51 @@ fn rejected(findings: &Findings) -> Vec<String> {
         lines.push(format!("  … and {further} more"));
     }
     if !lines.is_empty() {
-        lines.insert(0, "  rejected (times since the first rest)".to_owned());
+        lines.insert(0, "  rejected, by time since the first rest and length".to_owned());
     }
     lines
 }
 
-/// A sentence, indented, on lines that a terminal of 90 columns holds.
-fn wrap(sentence: &str) -> Vec<String> {
-    const COLUMNS: usize = 90;
-    let mut lines = vec!["   ".to_owned()];
-    for word in sentence.split_whitespace() {
-        match lines.last_mut() {
-            Some(line) if measure_text_width(line) + 1 + measure_text_width(word) <= COLUMNS => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(format!("      {word}")),
+fn sentence(label: &str, text: &str) -> Vec<String> {
+    wrap(label, " ", text.split_whitespace().map(str::to_owned))
+}
+
+/// Words behind a label, on lines that a terminal of 100 columns holds.
+fn wrap(label: &str, space: &str, words: impl Iterator<Item = String>) -> Vec<String> {
+    const COLUMNS: usize = 100;
+    let indent = " ".repeat(measure_text_width(label));
+    let mut lines = vec![label.to_owned()];
+    for word in words {
+        let Some(line) = lines.last_mut() else { break };
+        let width = measure_text_width(line);
+        match width <= indent.len() {
+            true => line.push_str(&word),
+            false if width + space.len() + measure_text_width(&word) <= COLUMNS => line.extend([space, &word]),
+            false => lines.push(format!("{indent}{word}")),
         }
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint::messages::Coverage;
+
+    #[test]
+    fn long_sentences_hang_behind_their_label() {
+        let lines = sentence("  next  ", &"word ".repeat(40));
+        assert!(lines.len() > 1 && lines.iter().all(|line| line.len() <= 100));
+        assert!(lines[0].starts_with("  next  word word") && lines[1].starts_with("        word word"));
+    }
+
+    #[test]
+    fn a_missing_face_and_the_next_step_are_said() {
+        let faces = [("+X", 2), ("-X", 0)];
+        let faces = faces.map(|(name, placements)| Face { name: name.into(), placements, seconds: 3.0, normal: None });
+        let coverage = Coverage { faces: faces.to_vec(), next_step: "turn it".into(), ..Coverage::default() };
+        let findings = Findings { coverage: Some(coverage), ..Findings::new("/imu", "/imu") };
+        let text = console::strip_ansi_codes(&imu(&findings)).into_owned();
+        assert_eq!(text, "/imu\n  rests    none found\n  faces    +X 2× 3.0 s   -X missing\n  next     turn it");
+    }
 }

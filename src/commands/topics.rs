@@ -70,7 +70,7 @@ fn people(channels: &Channels) -> String {
             lines.extend(suggestion.lines().map(str::to_owned));
         }
     }
-    lines.extend(channels.notes.iter().map(|note| format!("{note}")));
+    lines.extend(channels.notes.iter().cloned());
     lines.push(String::new());
     lines.join("\n")
 }

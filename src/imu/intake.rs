@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::known::{known, suggestion};
@@ -126,41 +127,18 @@ impl Intake {
                 return;
             }
         };
-        let own_frame = route.frame.get_or_insert_with(|| frame.to_vec()).as_slice() == frame;
         for i in 0..route.taps.len() {
             let Some(tap) = route.taps.get(i) else { return };
-            let Some(source) = sources.get_mut(tap.source) else { return };
-            let id = match tap.with_accel {
-                true => {
-                    let gyro = |other: &Tap| (other.source, other.sensor) == (tap.source, Sensor::Gyroscope);
-                    let known_gyro = || route.taps.iter().any(gyro);
-                    find_or_add(source, frame, known_gyro, imus).ok_or(Cause::TooManyFrames)
-                }
-                false if !own_frame => Err(Cause::ForeignFrame),
-                false => match source.imus.first() {
-                    Some(&(_, id)) => Ok(id),
-                    None => continue,
-                },
+            let reading = match owner(sources, imus, route, tap, frame) {
+                None => continue,
+                Some(Err(cause)) => Err(cause),
+                Some(Ok(id)) => route.value(tap).and_then(|value| admit(imus, id, tap.sensor, value)).map(|v| (id, v)),
             };
-            let taken = id.and_then(|id| {
-                let value = route.value(tap)?;
-                let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(tap.sensor.index()));
-                match silent {
-                    Some(silent @ true) => match value.iter().all(|&axis| axis == 0.0) {
-                        true => return Err(Cause::Zero),
-                        false => *silent = false,
-                    },
-                    _ => {}
-                }
-                Ok((id, value))
-            });
-            let sensor = tap.sensor;
-            match taken {
-                Ok((id, value)) => sink(id, sensor, Sample { stamp, log_time, value }),
+            match reading {
+                Ok((id, value)) => sink(id, tap.sensor, Sample { stamp, log_time, value }),
                 Err(cause) => {
                     let Some(tap) = route.taps.get_mut(i) else { return };
-                    let count = tap.counts.count(cause);
-                    if count == (if cause == Cause::Zero { ZEROS } else { 1 }) {
+                    if tap.counts.count(cause) == (if cause == Cause::Zero { ZEROS } else { 1 }) {
                         notice(&route.topic, format!(", {}: {cause}", tap.name));
                     }
                 }
@@ -248,25 +226,56 @@ impl Intake {
     }
 }
 
-/// The IMU of a source that has this `frame_id`, unless there are too many already.
-fn find_or_add(source: &mut Source, frame: &[u8], known_gyro: impl Fn() -> bool, imus: &mut Vec<Imu>) -> Option<ImuId> {
-    if let Some((_, id)) = source.imus.iter().find(|(own, _)| own == frame) {
-        return Some(*id);
+/// Whose reading it is; nobody's before the IMU has been seen.
+fn owner(
+    sources: &mut [Source],
+    imus: &mut Vec<Imu>,
+    route: &Route,
+    tap: &Tap,
+    frame: &[u8],
+) -> Option<Result<ImuId, Cause>> {
+    let source = sources.get_mut(tap.source)?;
+    if tap.with_accel {
+        let known = source.imus.iter().find(|(own, _)| own == frame).map(|&(_, id)| id);
+        let id = known.or_else(|| add(source, imus, route, tap.source, frame));
+        Some(id.ok_or(Cause::TooManyFrames))
+    } else if route.frame.as_deref() == Some(frame) {
+        source.imus.first().map(|&(_, id)| Ok(id))
+    } else {
+        Some(Err(Cause::ForeignFrame))
     }
+}
+
+/// Adds the IMU of a new `frame_id`, unless there are too many already.
+fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, index: usize, frame: &[u8]) -> Option<ImuId> {
     if source.imus.len() >= MAX_FRAMES {
         return None;
     }
     let id = ImuId(imus.len());
     let frame_id = String::from_utf8_lossy(frame).into_owned();
     let first = source.imus.is_empty();
-    let triads = source.triads(known_gyro()).filter(|(.., topic)| first || *topic == source.topic());
-    let triads: Vec<_> =
-        triads.map(|(sensor, name, topic)| Triad { sensor, name: name.to_owned(), topic: topic.to_owned() }).collect();
+    let gyro = route.taps.iter().any(|tap| (tap.source, tap.sensor) == (index, Sensor::Gyroscope));
+    let triads = source.triads(gyro).filter(|(.., topic)| first || *topic == source.topic());
+    let triad =
+        |(sensor, name, topic): (_, &str, &str)| Triad { sensor, name: name.to_owned(), topic: topic.to_owned() };
+    let triads = triads.map(triad).collect();
     let silent = vec![true; 2 + source.secondaries()];
     let name = free_name(source.name(), (!first).then_some(&frame_id), imus);
     imus.push(Imu { name, topic: source.topic().to_owned(), frame_id, triads, silent });
     source.imus.push((frame.to_vec(), id));
     Some(id)
+}
+
+/// Lets a value through, unless the triad has read nothing but zeros so far.
+fn admit(imus: &mut [Imu], id: ImuId, sensor: Sensor, value: Vector3<f64>) -> Result<Vector3<f64>, Cause> {
+    let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(sensor.index()));
+    if let Some(silent @ true) = silent {
+        *silent = value.iter().all(|&axis| axis == 0.0);
+        if *silent {
+            return Err(Cause::Zero);
+        }
+    }
+    Ok(value)
 }
 
 /// A name that no IMU has yet: the base, with the frame appended if it is not the first one, and a number if need be.

@@ -93,6 +93,7 @@ impl Route {
     /// Reads one message: when it was measured, and its `frame_id`.
     pub(super) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, &'d [u8]), Malformed> {
         let frame = self.decoder.read(data, &mut self.numbers)?;
+        self.frame.get_or_insert_with(|| frame.to_vec());
         let header = match (self.clock, self.numbers.as_slice()) {
             (Clock::Undecided | Clock::Header, &[seconds, nanos, ..]) => {
                 (seconds as i64).saturating_mul(1_000_000_000).saturating_add(nanos as i64)

@@ -58,8 +58,8 @@ pub fn annotate(
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    let settings = settings(config);
-    let mut output = Output::open(output, options.force)?;
+    let (path, settings) = (output, settings(config));
+    let mut output = Output::open(path, options.force)?;
     let abandon = AtomicBool::new(false);
     let (inventory, learned) = thread::scope(|scope| {
         let copying = (!options.sidecar).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
@@ -70,6 +70,10 @@ pub fn annotate(
         let learned = learned?;
         copied.map(|()| learned)
     })?;
+    if let Some(original) = recording.original_within(&inventory)? {
+        drop(output);
+        return annotate(&original, path, config, options, watch);
+    }
     let report = Report::new(&inventory, &learned);
     let result = match options.sidecar {
         true => write_sidecar(&mut output, recording, &inventory, &settings, &learned),
@@ -86,6 +90,9 @@ pub fn annotate(
 /// If the recording cannot be read or has no usable IMU topic.
 pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
     let (inventory, learned) = learn(recording, config, false, watch)?;
+    if let Some(original) = recording.original_within(&inventory)? {
+        return calibrate(&original, config, watch);
+    }
     Ok(Report::new(&inventory, &learned))
 }
 
@@ -174,22 +181,26 @@ impl Report {
     }
 }
 
-/// The topics there are, and how to map one.
+/// The topics there are, why they are not used, and how to map one.
 fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -> Error {
     const LISTED: usize = 8;
-    let kind = |channel: &Channel| {
+    let topic = |(channel, verdict): &(Channel, Verdict)| {
         let schema = inventory.schemas().get(&channel.schema_id);
-        schema.map_or(&*channel.message_encoding, |schema| &*schema.name).to_owned()
+        let kind = schema.map_or(&*channel.message_encoding, |schema| &*schema.name);
+        match verdict {
+            Verdict::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
+            _ => format!("{} ({kind})", channel.topic),
+        }
     };
-    let mut topics: Vec<_> = channels.iter().map(|(c, _)| format!("{} ({})", c.topic, kind(c))).collect();
+    let mut topics: Vec<_> = channels.iter().map(topic).collect();
     topics.sort();
     let further = topics.len().saturating_sub(LISTED);
     topics.truncate(LISTED);
     let listed = match (topics.as_slice(), further) {
-        ([], _) => "it has no topics at all".to_owned(),
-        (topics, 0) => format!("it has {}", topics.join(", ")),
-        (topics, further) => format!("it has {} and {further} more", topics.join(", ")),
+        ([], _) => return Error::input(path, "no usable IMU topic: the recording has no topics at all"),
+        (topics, 0) => topics.join(", "),
+        (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
     let example = r#"--set 'imu=[{topic="…", accel="…", gyro="…"}]'"#;
-    Error::input(path, format!("no usable IMU topic: {listed}; map one with {example} (see stillpoint topics)"))
+    Error::input(path, format!("no usable IMU topic among {listed}; map one with {example}, see stillpoint topics"))
 }

@@ -5,11 +5,12 @@
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::partial::Partial;
-use super::recording::{Recording, read_exact_at};
+use super::recording::Recording;
 use crate::Error;
 use crate::record::Piece;
 
@@ -49,11 +50,6 @@ impl Output {
             _ => Medium::New(Partial::create(path)?),
         };
         Ok(Self { path: path.to_owned(), medium })
-    }
-
-    /// What exists under the name and would have to be the result.
-    pub(super) fn existing(&self) -> Option<&Path> {
-        matches!(self.medium, Medium::Existing(..)).then_some(&*self.path)
     }
 
     /// Copies the recording ahead of the pieces, since the result mostly begins with it. May run while another thread
@@ -110,7 +106,7 @@ impl Output {
 /// Between two files the kernel copies by itself, or shares the blocks where the file system can.
 fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
     let mut from = recording.file();
-    for part in recording.parts_of(range) {
+    for part in recording.parts(range) {
         from.seek(SeekFrom::Start(part.start))?;
         let length = part.end - part.start;
         if io::copy(&mut from.take(length), &mut to)? != length {
@@ -124,7 +120,7 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
 fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
     let equal = |at: u64, bytes: &[u8]| {
         let mut found = vec![0; bytes.len()];
-        read_exact_at(file, &mut found, at).is_ok() && found == bytes
+        file.read_exact_at(&mut found, at).is_ok() && found == bytes
     };
     match piece {
         Piece::Bytes(bytes) => Ok(equal(at, bytes).then_some(at + bytes.len() as u64)),

@@ -30,17 +30,15 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
             schemas.insert(schema.id, schema.name.clone());
         }
         Event::Channel(channel) => {
-            let imu = channel.topic.split_once("/stillpoint/").map(|(imu, _)| imu).filter(|imu| !imu.is_empty());
-            if let (Some(imu), Some(schema)) = (imu, schemas.get(&channel.schema_id)) {
-                channels.insert(channel.id, (imu.to_owned(), schema.clone(), channel.message_encoding.clone()));
+            let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+            if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
+                channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
             }
         }
         Event::Message(message) => {
             let Some((name, schema, encoding)) = channels.get(&message.channel) else { return };
-            let said = match annotate::read(schema, encoding, message.data) {
-                Ok(said) => said,
-                Err(error) => return tracing::debug!("{name}: {error}"),
-            };
+            // What cannot be read is not an annotation of this version, such as a corrected reading.
+            let Ok(said) = annotate::read(schema, encoding, message.data) else { return };
             let known = imus.iter().position(|imu| imu.name == *name).unwrap_or_else(|| {
                 imus.push(Findings::new(name, name));
                 imus.len() - 1

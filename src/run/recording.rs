@@ -3,10 +3,11 @@
 use std::fs::File;
 use std::io;
 use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::record::{Event, Inventory, Scan};
+use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, Scan, recognise, recognise_scanned};
 
 /// Reads of less would cost more than the bytes (1 MiB).
 const READ: usize = 1 << 20;
@@ -19,8 +20,7 @@ pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
 pub struct Recording {
     file: File,
     path: PathBuf,
-    /// Its bytes, as parts of the file one behind the other.
-    parts: Vec<Range<u64>>,
+    original: Original,
 }
 
 impl Recording {
@@ -42,17 +42,65 @@ impl Recording {
         if !metadata.is_file() {
             return Err(Error::input(path, "is not a regular file; save it as one first"));
         }
-        Ok(Self { file, path: path.to_owned(), parts: vec![0..metadata.len()] })
+        Ok(Self { file, path: path.to_owned(), original: Original::whole(metadata.len()) })
     }
 
-    /// TEMP
+    /// Opens a file. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if the file holds annotations alone.
     pub fn open_original(path: &Path) -> Result<Self, Error> {
-        Self::open(path)
+        let file = Self::open(path)?;
+        match file.recognise(|bytes| recognise(bytes, file.length()))? {
+            Kind::Recording => Ok(file),
+            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            Kind::Sidecar { .. } => {
+                Err(Error::input(path, "holds annotations alone; name the recording they belong to"))
+            }
+            Kind::Edited { why } => {
+                let path = path.display();
+                tracing::warn!("{path}: was annotated, then edited by another program ({why}); what it added stays");
+                Ok(file)
+            }
+        }
     }
 
-    /// TEMP
+    /// Opens a file that Stillpoint annotated. The recording is the original in it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
     pub fn open_annotated(path: &Path) -> Result<Self, Error> {
-        Self::open(path)
+        let file = Self::open(path)?;
+        let mut kind = file.recognise(|bytes| recognise(bytes, file.length()))?;
+        if kind == Kind::Recording {
+            let inventory = file.scan(&|_| Ok(()), |_| {})?;
+            kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
+        }
+        match kind {
+            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            Kind::Recording => Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip")),
+            Kind::Sidecar { .. } => Err(Error::input(path, "holds annotations alone: there is no original in it")),
+            Kind::Edited { why } => {
+                Err(Error::input(path, format!("was edited since it was annotated ({why}): the original is lost")))
+            }
+        }
+    }
+
+    /// The original in an annotated recording that lost its end, which only a scan can tell.
+    pub(super) fn original_within(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
+        if self.original != Original::whole(self.length()) {
+            return Ok(None);
+        }
+        match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
+            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..Self::open(&self.path)? })),
+            _ => Ok(None),
+        }
+    }
+
+    fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
+        look(&mut Bytes(&self.file)).map_err(|e| Error::input(&self.path, e.to_string()))
     }
 
     /// Where it is.
@@ -62,7 +110,7 @@ impl Recording {
 
     /// Its length in bytes.
     pub fn length(&self) -> u64 {
-        self.parts.iter().map(|part| part.end - part.start).sum()
+        self.original.length()
     }
 
     /// The file that its bytes stand in.
@@ -70,19 +118,9 @@ impl Recording {
         &self.file
     }
 
-    /// Where in the file a range of the recording stands; what lies beyond its end stands nowhere.
-    pub(super) fn parts_of(&self, range: Range<u64>) -> Vec<Range<u64>> {
-        let mut begins = 0;
-        let mut found = Vec::new();
-        for part in &self.parts {
-            let ends = begins + (part.end - part.start);
-            let (from, until) = (range.start.max(begins), range.end.min(ends));
-            if from < until {
-                found.push(part.start + (from - begins)..part.start + (until - begins));
-            }
-            begins = ends;
-        }
-        found
+    /// Where in the file a range of the recording stands, one part behind the other.
+    pub(super) fn parts(&self, range: Range<u64>) -> impl Iterator<Item = Range<u64>> + use<> {
+        self.original.pieces(range)
     }
 
     /// Fills `buffer` with the bytes from `offset` on.
@@ -92,9 +130,9 @@ impl Recording {
     /// If the system refuses, or the file has become shorter.
     pub(super) fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> Result<(), Error> {
         let mut rest = buffer;
-        for part in self.parts_of(offset..offset + rest.len() as u64) {
+        for part in self.parts(offset..offset + rest.len() as u64) {
             let (now, later) = rest.split_at_mut((part.end - part.start) as usize);
-            read_exact_at(&self.file, now, part.start).map_err(Error::io("read", &self.path))?;
+            self.file.read_exact_at(now, part.start).map_err(Error::io("read", &self.path))?;
             rest = later;
         }
         match rest.is_empty() {
@@ -144,7 +182,10 @@ impl Recording {
     }
 }
 
-#[cfg(unix)]
-pub(super) fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
+struct Bytes<'a>(&'a File);
+
+impl ReadAt for Bytes<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(buffer, offset)
+    }
 }

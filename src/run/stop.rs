@@ -34,7 +34,6 @@ impl Stop {
     }
 }
 
-#[cfg(unix)]
 async fn terminated() {
     match tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()) {
         Ok(mut signals) => {
@@ -42,9 +41,4 @@ async fn terminated() {
         }
         Err(_) => std::future::pending().await,
     }
-}
-
-#[cfg(not(unix))]
-async fn terminated() {
-    std::future::pending().await
 }

@@ -1,0 +1,71 @@
+//! Real recordings through the program, against results of programs that are not ours (`data/README.md` beside them).
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{Folder, recording};
+use serde_json::Value;
+
+fn vector(value: &Value) -> [f64; 3] {
+    [0, 1, 2].map(|i| value[i].as_f64().unwrap())
+}
+
+fn diagonal(value: &Value) -> [f64; 3] {
+    [0, 1, 2].map(|i| value[i][i].as_f64().unwrap())
+}
+
+fn assert_close(what: &str, found: [f64; 3], expected: [f64; 3], tolerance: f64) {
+    let off = found.iter().zip(expected).any(|(found, expected)| (found - expected).abs() > tolerance);
+    assert!(!off, "{what}: {found:?}, expected {expected:?} ± {tolerance}");
+}
+
+#[test]
+fn a_six_face_session_agrees_with_the_references() {
+    let Some(input) = recording("nilspod_six_face.ros2.mcap") else { return };
+    let folder = Folder::new();
+    let setting = r#"imu=[{topic="/imu/data_raw", secondary=[{name="highg", topic="/highg/acceleration"}]}]"#;
+    let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
+    let run = folder.run(arguments.into_iter().chain(["--json", "--set", setting].map(AsRef::as_ref))).ok();
+    let result = run.json();
+    assert_eq!(result["rests"]["found"], 13);
+    let imu = &result["imus"][0];
+    assert_close("bias", vector(&imu["accelerometer"]["bias"]), [0.5350, -0.6170, 0.3982], 0.005);
+    assert_close("scale", diagonal(&imu["accelerometer"]["sensitivity"]), [0.9969, 1.0028, 1.0236], 5e-4);
+    assert_close("gyroscope", vector(&imu["gyroscope"]["bias"]), [-0.01047, -0.00639, 0.00102], 2e-4);
+    let highg = &imu["secondary"][0];
+    assert_eq!(highg["sensor"], "highg");
+    assert_close("high-g bias", vector(&highg["bias"]), [-7.946, 0.185, -1.146], 0.02);
+    assert_close("high-g scale", diagonal(&highg["sensitivity"]), [0.942, 0.970, 0.995], 0.002);
+
+    folder.say("strip out.mcap -o stripped.mcap").ok();
+    assert!(folder.read("stripped.mcap") == std::fs::read(input).unwrap());
+}
+
+#[test]
+fn sessions_that_never_show_six_faces_calibrate_no_accelerometer() {
+    for name in ["mpu6050_hand_held.ros2.mcap", "mpu9150_0_19_poses.ros2.mcap"] {
+        let Some(input) = recording(name) else { return };
+        let folder = Folder::new();
+        let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
+        let run = folder.run(arguments.into_iter().chain(["--json"].map(AsRef::as_ref))).ok();
+        let imu = &run.json()["imus"][0];
+        assert_eq!(imu["accelerometer"]["bias"], Value::Null, "{name}");
+        assert_eq!(imu["coverage"]["complete"], false, "{name}");
+        assert!(run.stderr.contains("missing") && run.stderr.contains("next"), "{name}: {}", run.stderr);
+    }
+}
+
+#[test]
+fn encodings_that_are_not_read_yet_are_said_in_one_line() {
+    for name in ["nilspod_six_face.protobuf.mcap", "nilspod_six_face.json.mcap", "mpu9150_1_20_poses.protobuf.mcap"] {
+        let Some(input) = recording(name) else { return };
+        let run = Folder::new().run(["topics".as_ref(), input.as_os_str()]).ok();
+        assert_eq!(run.stdout.matches("is not read yet").count(), 1, "{name}: {}", run.stdout);
+        let folder = Folder::new();
+        let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
+        let run = folder.run(arguments);
+        assert_eq!(run.code, 1);
+        assert!(run.error().contains("is not read yet"), "{}", run.stderr);
+        assert!(folder.names().is_empty());
+    }
+}

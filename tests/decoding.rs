@@ -1,0 +1,271 @@
+//! Decoding against an independent encoder: random message types and values, written byte by byte in each encoding,
+//! are read back as the same numbers, and no truncation goes unnoticed.
+#![allow(clippy::unwrap_used)]
+
+use std::fmt::Write as _;
+
+use proptest::prelude::*;
+use stillpoint::imu::{Decoder, FieldPath, Layout, Place};
+use stillpoint::record::Schema;
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Number(&'static str),
+    Text,
+    Message(Vec<Field>),
+}
+
+#[derive(Clone, Debug)]
+struct Field {
+    kind: Kind,
+    list: List,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum List {
+    No,
+    Array(usize),
+    Sequence(usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Wire {
+    Xcdr1 { big: bool },
+    Xcdr2 { big: bool },
+    Ros1,
+}
+
+fn numbers() -> impl Strategy<Value = Kind> {
+    const NAMES: [&str; 11] =
+        ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"];
+    prop::sample::select(&NAMES[..]).prop_map(Kind::Number)
+}
+
+fn fields() -> impl Strategy<Value = Vec<Field>> {
+    let list = || prop_oneof![4 => Just(List::No), 1 => (1..4usize).prop_map(List::Array), 1 => (0..4usize).prop_map(List::Sequence)];
+    let field = move |kind| (kind, list()).prop_map(|(kind, list)| Field { kind, list });
+    let leaf = prop_oneof![3 => numbers(), 1 => Just(Kind::Text)];
+    let kind =
+        leaf.prop_recursive(3, 24, 5, move |inner| prop::collection::vec(field(inner), 0..5).prop_map(Kind::Message));
+    prop::collection::vec(field(kind.boxed()), 0..6)
+}
+
+fn wires() -> impl Strategy<Value = Wire> {
+    let big = any::<bool>();
+    prop_oneof![big.prop_map(|big| Wire::Xcdr1 { big }), big.prop_map(|big| Wire::Xcdr2 { big }), Just(Wire::Ros1)]
+}
+
+/// Schema text of a message and the messages inside it, with what real ones have around the fields.
+fn schema(fields: &[Field]) -> String {
+    fn message(fields: &[Field], text: &mut String, later: &mut Vec<(String, Vec<Field>)>, named: &mut usize) {
+        text.push_str("# a comment\r\nuint8 CONSTANT=7 # not a field\n\n");
+        for (i, Field { kind, list }) in fields.iter().enumerate() {
+            let base = match kind {
+                Kind::Number(name) => (*name).to_owned(),
+                Kind::Text => "string".to_owned(),
+                Kind::Message(inner) => {
+                    *named += 1;
+                    later.push((format!("M{named}"), inner.clone()));
+                    format!("{}M{named}", ["", "pkg/", "pkg/msg/"][i % 3])
+                }
+            };
+            let list = match list {
+                List::No => String::new(),
+                List::Array(n) => format!("[{n}]"),
+                List::Sequence(_) => ["[]", "[<=9]"][i % 2].to_owned(),
+            };
+            writeln!(text, "{base}{list} f{i} # unit: m/s^2\r").unwrap();
+        }
+    }
+    let (mut text, mut later, mut named) = (String::new(), Vec::new(), 0);
+    message(fields, &mut text, &mut later, &mut named);
+    while let Some((name, fields)) = later.pop() {
+        writeln!(text, "{}\nMSG: pkg/{name}", "=".repeat(80)).unwrap();
+        message(&fields, &mut text, &mut later, &mut named);
+    }
+    text
+}
+
+/// Writes a message as the standards say, one value after the other, and notes where the values are.
+struct Encoder {
+    wire: Wire,
+    body: Vec<u8>,
+    random: u64,
+    numbers: Vec<(String, f64)>,
+    texts: Vec<(String, Vec<u8>)>,
+}
+
+impl Encoder {
+    fn next(&mut self) -> u64 {
+        self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.random ^ self.random >> 29
+    }
+
+    fn bytes(&mut self, little_endian: &[u8]) {
+        let (big, greatest) = match self.wire {
+            Wire::Xcdr1 { big } => (big, 8),
+            Wire::Xcdr2 { big } => (big, 4),
+            Wire::Ros1 => (false, 1),
+        };
+        while self.body.len() % little_endian.len().min(greatest) != 0 {
+            self.body.push(0xaa);
+        }
+        match big {
+            true => self.body.extend(little_endian.iter().rev()),
+            false => self.body.extend(little_endian),
+        }
+    }
+
+    fn number(&mut self, kind: &str) -> f64 {
+        let bits = self.next();
+        let (bytes, value) = match kind {
+            "bool" => (vec![bits as u8 & 1], f64::NAN),
+            "int8" => (vec![bits as u8], f64::from(bits as i8)),
+            "uint8" => (vec![bits as u8], f64::from(bits as u8)),
+            "int16" => ((bits as i16).to_le_bytes().to_vec(), f64::from(bits as i16)),
+            "uint16" => ((bits as u16).to_le_bytes().to_vec(), f64::from(bits as u16)),
+            "int32" => ((bits as i32).to_le_bytes().to_vec(), f64::from(bits as i32)),
+            "uint32" => ((bits as u32).to_le_bytes().to_vec(), f64::from(bits as u32)),
+            "int64" => ((bits as i64).to_le_bytes().to_vec(), bits as i64 as f64),
+            "uint64" => (bits.to_le_bytes().to_vec(), bits as f64),
+            "float32" => ((bits as i32 as f32 / 3.0).to_le_bytes().to_vec(), f64::from(bits as i32 as f32 / 3.0)),
+            _ => ((bits as i64 as f64 / 3.0).to_le_bytes().to_vec(), bits as i64 as f64 / 3.0),
+        };
+        self.bytes(&bytes);
+        value
+    }
+
+    fn text(&mut self) -> Vec<u8> {
+        let len = self.next() % 6;
+        let text: Vec<u8> = (0..len).map(|_| b'a' + (self.next() % 26) as u8).collect();
+        let terminated = !matches!(self.wire, Wire::Ros1);
+        self.bytes(&(text.len() as u32 + u32::from(terminated)).to_le_bytes());
+        self.body.extend(&text);
+        self.body.extend(terminated.then_some(0));
+        text
+    }
+
+    fn value(&mut self, kind: &Kind, path: &str) {
+        match kind {
+            Kind::Number(name) => {
+                let value = self.number(name);
+                self.numbers.push((path.to_owned(), value));
+            }
+            Kind::Text => {
+                let text = self.text();
+                self.texts.push((path.to_owned(), text));
+            }
+            Kind::Message(fields) => self.message(fields, path),
+        }
+    }
+
+    fn message(&mut self, fields: &[Field], path: &str) {
+        if fields.is_empty() && !matches!(self.wire, Wire::Ros1) {
+            self.bytes(&[0]);
+        }
+        for (i, Field { kind, list }) in fields.iter().enumerate() {
+            let path = format!("{path}{}f{i}", if path.is_empty() { "" } else { "." });
+            let n = match *list {
+                List::No => {
+                    self.value(kind, &path);
+                    continue;
+                }
+                List::Array(n) | List::Sequence(n) => n,
+            };
+            let delimited = matches!(self.wire, Wire::Xcdr2 { .. }) && !matches!(kind, Kind::Number(_));
+            if delimited {
+                self.bytes(&[0; 4]);
+            }
+            if matches!(list, List::Sequence(_)) {
+                self.bytes(&(n as u32).to_le_bytes());
+            }
+            for element in 0..n {
+                self.value(kind, &format!("{path}[{element}]"));
+            }
+        }
+    }
+
+    fn payload(&self) -> Vec<u8> {
+        let header: &[u8] = match self.wire {
+            Wire::Xcdr1 { big: true } => &[0, 0, 0, 0],
+            Wire::Xcdr1 { big: false } => &[0, 1, 0, 0],
+            Wire::Xcdr2 { big: true } => &[0, 6, 0, 0],
+            Wire::Xcdr2 { big: false } => &[0, 7, 0, 0],
+            Wire::Ros1 => &[],
+        };
+        [header, &self.body].concat()
+    }
+}
+
+fn layout(wire: Wire, fields: &[Field]) -> Layout {
+    let (message_encoding, encoding) = match wire {
+        Wire::Ros1 => ("ros1", "ros1msg"),
+        _ => ("cdr", "ros2msg"),
+    };
+    let text = match wire {
+        Wire::Ros1 => schema(fields).replace("<=9", "").replace("/msg/", "/"),
+        _ => schema(fields),
+    };
+    let schema = Schema { id: 1, name: "pkg/msg/Root".into(), encoding: encoding.into(), data: text.into() };
+    Layout::new(message_encoding, Some(&schema)).unwrap()
+}
+
+fn path(text: &str) -> FieldPath {
+    text.parse().unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+
+    #[test]
+    fn numbers_and_texts_are_read_as_they_were_written(fields in fields(), wire in wires(), seed: u64) {
+        let mut encoder = Encoder { wire, body: Vec::new(), random: seed, numbers: Vec::new(), texts: Vec::new() };
+        encoder.message(&fields, "");
+        let layout = layout(wire, &fields);
+        encoder.numbers.retain(|(_, value)| !value.is_nan());
+        let places: Vec<Place> = encoder.numbers.iter().map(|(p, _)| layout.number(&path(p)).unwrap()).collect();
+        let text = encoder.texts.last().map(|(p, _)| layout.text(&path(p)).unwrap());
+
+        let decoder = Decoder::new(&layout, &places, text.as_ref()).unwrap();
+        let payload = encoder.payload();
+        let mut found = vec![f64::NAN; places.len()];
+        let found_text = decoder.read(&payload, &mut found).unwrap();
+        for ((path, written), read) in encoder.numbers.iter().zip(&found) {
+            prop_assert_eq!(written, read, "{}", path);
+        }
+        prop_assert_eq!(found_text, encoder.texts.last().map_or(&[][..], |(_, text)| text));
+
+        // A decoder that wants nothing must still see where the message ends.
+        let idle = Decoder::new(&layout, &[], None).unwrap();
+        for len in 0..payload.len() {
+            prop_assert!(decoder.read(&payload[..len], &mut found).is_err(), "{} of {}", len, payload.len());
+            prop_assert!(idle.read(&payload[..len], &mut []).is_err(), "{} of {}", len, payload.len());
+        }
+    }
+
+    #[test]
+    fn corrupt_bytes_never_panic(fields in fields(), wire in wires(), seed: u64, at: prop::sample::Index, with: u8) {
+        let mut encoder = Encoder { wire, body: Vec::new(), random: seed, numbers: Vec::new(), texts: Vec::new() };
+        encoder.message(&fields, "");
+        let layout = layout(wire, &fields);
+        let decoder = Decoder::new(&layout, &[], None).unwrap();
+        let mut payload = encoder.payload();
+        if !payload.is_empty() {
+            let at = at.index(payload.len());
+            payload[at] = with;
+        }
+        let _ = decoder.read(&payload, &mut []);
+    }
+
+    #[test]
+    fn any_text_as_a_schema_is_understood_or_refused(text in "(?s)([a-z]{1,9}(\\[(<=)?[0-9]{0,11}\\])? [a-z_]{1,3}(=[a-z0-9#]{0,3})?[ #\r\n]|={3,9}\n|MSG: [a-z/]{0,5}\n|.){0,30}") {
+        for (message_encoding, encoding) in [("cdr", "ros2msg"), ("ros1", "ros1msg")] {
+            let data = text.clone().into_bytes();
+            let schema = Schema { id: 1, name: "a/b".into(), encoding: encoding.into(), data };
+            if let Ok(layout) = Layout::new(message_encoding, Some(&schema)) {
+                layout.vectors();
+                let _ = Decoder::new(&layout, &[], None).map(|decoder| decoder.read(&[0; 64], &mut []));
+            }
+        }
+    }
+}
