@@ -1,1 +1,98 @@
-//! (under construction)
+//! Events to message bytes and back: which topic an event goes to, how it is encoded, and which block it lies in.
+//!
+//! Ids, chunks and files are left to [`record`](crate::record); the stamp in a message's header is the engine's.
+//! Everything here is a function of the events and of where the input's chunks end, never of wall-clock.
+
+mod block;
+mod cdr;
+mod config;
+mod encoding;
+mod log;
+mod read;
+mod ros2;
+mod ros2msg;
+
+pub use config::{Corrected, EncodingChoice, OutputConfig};
+pub use encoding::Encoding;
+pub use read::{ReadError, read};
+
+use crate::engine::{Event, Message};
+use crate::record::{Annotation, Block, Topic};
+use block::OpenBlock;
+
+/// Turns events into blocks of annotations.
+///
+/// ```
+/// use stillpoint::annotate::{Annotator, Encoding};
+/// use stillpoint::engine::{Event, Message};
+/// use stillpoint::messages::Stillness;
+///
+/// let mut annotator = Annotator::new(Encoding::Protobuf);
+/// let event = Event { log_time: 1, message: Message::Stillness(Stillness::default()) };
+/// assert!(annotator.push("/imu/data", &event).is_none());
+/// let block = annotator.finish().unwrap();
+/// assert_eq!(block.annotations.len(), 1);
+/// assert_eq!(annotator.topics()[0].name, "/imu/data/stillpoint/stillness");
+/// ```
+#[derive(Clone, Debug)]
+pub struct Annotator {
+    encoding: Encoding,
+    topics: Vec<Topic>,
+    /// The next sequence number on each topic.
+    sequences: Vec<u32>,
+    open: OpenBlock,
+}
+
+impl Annotator {
+    /// An annotator without topics; each comes into being with its first message.
+    pub fn new(encoding: Encoding) -> Self {
+        Self { encoding, topics: Vec::new(), sequences: Vec::new(), open: OpenBlock::default() }
+    }
+
+    /// The topics so far, in the order of their first messages. Annotations name them by their place here.
+    pub fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    /// Takes an event of the IMU of that output name. Returns the block that had to be closed before it, if any.
+    pub fn push(&mut self, imu: &str, event: &Event) -> Option<Block> {
+        let topic = self.topic_of(imu, &event.message);
+        let sequence = self.sequences[topic];
+        self.sequences[topic] = sequence.wrapping_add(1);
+        let data = self.encoding.encode(&event.message);
+        let annotation = Annotation { topic, sequence, log_time: event.log_time, data };
+        let urgent = matches!(event.message, Message::Segment(_) | Message::Calibration(_));
+        self.open.push(annotation, urgent)
+    }
+
+    /// To be called at the end of each chunk of the input, and after each of its messages outside chunks.
+    pub fn input_chunk_ended(&mut self) -> Option<Block> {
+        if self.open.is_urgent() { self.open.close() } else { None }
+    }
+
+    /// The last block.
+    pub fn finish(&mut self) -> Option<Block> {
+        self.open.close()
+    }
+
+    fn topic_of(&mut self, imu: &str, message: &Message) -> usize {
+        let name = topic_name(imu, message);
+        if let Some(known) = self.topics.iter().position(|topic| topic.name == name) {
+            return known;
+        }
+        self.topics.push(self.encoding.topic(name, message));
+        self.sequences.push(0);
+        self.topics.len() - 1
+    }
+}
+
+/// The topic of a message. Logs of all IMUs share one, where viewers look for it.
+fn topic_name(imu: &str, message: &Message) -> String {
+    match message {
+        Message::Stillness(_) => format!("{imu}/stillpoint/stillness"),
+        Message::Segment(_) => format!("{imu}/stillpoint/segment"),
+        Message::Coverage(_) => format!("{imu}/stillpoint/coverage"),
+        Message::Calibration(_) => format!("{imu}/stillpoint/calibration"),
+        Message::Log(_) => "/stillpoint/log".to_owned(),
+    }
+}

@@ -1,6 +1,49 @@
 //! Samples in, events out: the rests found and the calibration they determine.
+//!
+//! One [`Engine`] a IMU. It reads no file and no clock, keeps constant memory, and says the same for the same samples,
+//! whoever feeds it.
+//!
+//! ```
+//! use stillpoint::engine::{Config, Engine, Message};
+//! use stillpoint::imu::{Sample, Sensor};
+//! use stillpoint::Stamp;
+//!
+//! let mut engine = Engine::new(Config::default());
+//! let mut events = Vec::new();
+//! for i in 0..1000_i64 {
+//!     // A sensor on a table at 100 Hz, +Z up, with a little noise.
+//!     let noise = [0.01, -0.02, 0.03, -0.01, 0.02][i as usize % 5];
+//!     let stamp = Stamp::from_nanos(i * 10_000_000);
+//!     let value = [noise, 0.1 - noise, 9.81 + noise].into();
+//!     engine.push(Sensor::Accelerometer, &Sample { stamp, log_time: stamp.nanos() as u64, value }, &mut events);
+//! }
+//! engine.finish(&mut events);
+//!
+//! let segment = events.iter().find_map(|event| match &event.message {
+//!     Message::Segment(segment) => Some(segment),
+//!     _ => None,
+//! });
+//! assert_eq!(segment.map(|segment| segment.face.as_str()), Some("+Z"));
+//! ```
 
+mod book;
+mod judge;
+mod publish;
+mod solve;
+mod words;
+
+use serde::{Deserialize, Serialize};
+
+use self::book::Book;
+use self::judge::Judge;
+use self::publish::Publisher;
+use self::solve::Solution;
+use crate::Stamp;
+use crate::fit::{self, Fixture, guess};
+use crate::imu::{Sample, Sensor};
 use crate::messages;
+use crate::messages::foxglove::log::Level;
+use crate::still::{self, Outcome, Segmenter, State};
 
 /// Something that was learned, and when it was known.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,4 +67,215 @@ pub enum Message {
     Calibration(Box<messages::Calibration>),
     /// A warning or decision for people.
     Log(messages::foxglove::Log),
+}
+
+/// What an engine is to know of its IMU.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Config {
+    /// What the IMU is called in log messages, its output name for instance.
+    pub name: String,
+    /// Frame of the messages.
+    pub frame_id: String,
+    /// Topic of the accelerometer.
+    pub accelerometer: String,
+    /// Topic of the gyroscope.
+    pub gyroscope: String,
+    /// Names and topics of the secondary accelerometers.
+    pub secondary: Vec<(String, String)>,
+    /// How rests are found.
+    pub still: still::Config,
+    /// How a calibration is fitted.
+    pub fit: fit::Config,
+}
+
+/// What came of a recording, for people and for the result line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Summary {
+    /// Rests found.
+    pub found: u64,
+    /// Rests that entered the fit.
+    pub accepted: u64,
+    /// The faces seen, and the next step.
+    pub coverage: messages::Coverage,
+    /// The last published calibration.
+    pub calibration: Option<messages::Calibration>,
+    /// Why the accelerometer has none, if it has none.
+    pub refusal: Option<String>,
+    /// Each rest that was rejected and is still remembered: its last segment message.
+    pub rejected: Vec<messages::Segment>,
+}
+
+/// Learns the calibration of one IMU.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Engine {
+    config: Config,
+    fixture: Fixture,
+    segmenter: Segmenter,
+    book: Book,
+    publisher: Publisher,
+    last_stillness: Option<Stamp>,
+    last: Option<(Stamp, u64)>,
+}
+
+/// Nanoseconds between two stillness messages while nothing changes.
+const STILLNESS_PERIOD: i64 = 1_000_000_000;
+
+impl Engine {
+    /// An engine that has seen nothing.
+    pub fn new(config: Config) -> Self {
+        Self {
+            fixture: Fixture::cube(),
+            segmenter: Segmenter::new(&config.still, config.secondary.len()),
+            book: Book::default(),
+            publisher: Publisher::default(),
+            last_stillness: None,
+            last: None,
+            config,
+        }
+    }
+
+    /// Takes a sample; what it taught is appended to `events`.
+    pub fn push(&mut self, sensor: Sensor, sample: &Sample, events: &mut Vec<Event>) {
+        let outcome = self.segmenter.push(sensor, sample);
+        let Outcome::Judged { changed } = outcome else { return };
+        self.last = Some((sample.stamp, sample.log_time));
+        let due = self.last_stillness.is_none_or(|last| sample.stamp.since(last) >= STILLNESS_PERIOD);
+        if changed || due {
+            self.last_stillness = Some(sample.stamp);
+            let stillness = self.stillness(sample.stamp);
+            events.push(Event { log_time: sample.log_time, message: Message::Stillness(stillness) });
+        }
+        self.learn(sample.stamp, sample.log_time, false, events);
+    }
+
+    /// The recording has ended: closes an open rest, publishes what is left to publish, and sums up.
+    pub fn finish(&mut self, events: &mut Vec<Event>) {
+        let Some((stamp, log_time)) = self.last else { return };
+        self.segmenter.finish();
+        self.learn(stamp, log_time, true, events);
+        for (level, text) in words::closing(&self.segmenter, self.book.found(), &self.config.still) {
+            events.push(self.log(stamp, log_time, level, text));
+        }
+    }
+
+    /// What came of it so far.
+    pub fn summary(&self) -> Summary {
+        let Self { config, fixture, book, .. } = self;
+        let accelerometer = solve::accelerometer(book.entries(), &config.fit, fixture);
+        let solution = solve::others(book.entries(), &config.fit, fixture, config.secondary.len(), accelerometer);
+        let header = publish::header(self.last.map_or(Stamp::default(), |(stamp, _)| stamp), &self.config.frame_id);
+        Summary {
+            found: self.book.found(),
+            accepted: self.book.accepted(),
+            coverage: publish::coverage(header.clone(), &self.book, &self.fixture, &solution),
+            calibration: self.publisher.published().cloned(),
+            refusal: solution.accelerometer.err(),
+            rejected: (self.book.entries().iter())
+                .filter(|entry| !entry.verdict.is_accepted())
+                .map(|entry| publish::segment(header.clone(), entry, &self.config, &self.fixture))
+                .collect(),
+        }
+    }
+
+    /// Takes in the rests that have ended.
+    fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
+        while let Some(rest) = self.segmenter.next_rest() {
+            self.book.add(rest);
+            let solution = self.solve();
+            self.publish(&solution, stamp, log_time, false, events);
+            self.book.shrink();
+        }
+        if at_end {
+            // The noise floor may have settled since the last rest.
+            let solution = self.solve();
+            self.publish(&solution, stamp, log_time, true, events);
+        }
+    }
+
+    /// Judges every remembered rest anew and fits what the good ones determine. The faces depend on the calibration and
+    /// the calibration on the faces, so this goes round until neither changes; a few rounds suffice.
+    fn solve(&mut self) -> Solution {
+        const ROUNDS: usize = 4;
+        let Self { config, fixture, segmenter, book, .. } = self;
+        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter };
+        let entries = book.entries_mut();
+        judge.sort_out(entries);
+        let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
+        let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
+        let mut calibration = guess(means.iter(), solve::gravity(&config.fit).value);
+        let mut before = Vec::new();
+        let mut accelerometer = Err(String::new());
+        for _ in 0..ROUNDS {
+            judge.assign_faces(entries, &calibration);
+            let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
+            if verdicts == before {
+                break;
+            }
+            before = verdicts;
+            accelerometer = solve::accelerometer(entries, &config.fit, fixture);
+            let Ok(fit) = &accelerometer else { break };
+            calibration = fit.calibration;
+        }
+        solve::others(entries, &config.fit, fixture, config.secondary.len(), accelerometer)
+    }
+
+    /// Says what has changed: segments, then coverage, then calibration.
+    fn publish(&mut self, solution: &Solution, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
+        let header = publish::header(stamp, &self.config.frame_id);
+        let event = |message| Event { log_time, message };
+        let mut rejected = Vec::new();
+        for entry in self.book.entries_mut() {
+            if entry.told.as_ref().is_some_and(|told| !entry.verdict.differs_from(told)) {
+                continue;
+            }
+            entry.told = Some(entry.verdict.clone());
+            let segment = publish::segment(header.clone(), entry, &self.config, &self.fixture);
+            if !segment.accepted {
+                rejected.push(words::rejection(&segment));
+            }
+            events.push(event(Message::Segment(segment)));
+        }
+        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution);
+        if let Some(coverage) = self.publisher.coverage(coverage) {
+            events.push(event(Message::Coverage(coverage)));
+        }
+        let calibration = publish::calibration(header, &self.book, &self.config, solution);
+        let news = self.publisher.calibration(calibration, at_end);
+        if let Some(calibration) = &news {
+            events.push(event(Message::Calibration(Box::new(calibration.clone()))));
+        }
+        for text in rejected {
+            events.push(self.log(stamp, log_time, Level::Warning, text));
+        }
+        if let Some(calibration) = news {
+            events.push(self.log(stamp, log_time, Level::Info, words::published(&calibration)));
+        }
+    }
+
+    fn stillness(&self, stamp: Stamp) -> messages::Stillness {
+        let status = self.segmenter.status();
+        let state = match status.state {
+            State::Unknown => messages::stillness::State::Unknown,
+            State::Moving => messages::stillness::State::Moving,
+            State::Still => messages::stillness::State::Still,
+        };
+        messages::Stillness {
+            header: Some(publish::header(stamp, &self.config.frame_id)),
+            state: state.into(),
+            statistic: status.statistic,
+            enter: status.enter,
+            leave: status.leave,
+        }
+    }
+
+    fn log(&self, stamp: Stamp, log_time: u64, level: Level, message: String) -> Event {
+        let log = messages::foxglove::Log {
+            timestamp: Some(stamp.into()),
+            level: level.into(),
+            message,
+            name: self.config.name.clone(),
+            ..Default::default()
+        };
+        Event { log_time, message: Message::Log(log) }
+    }
 }

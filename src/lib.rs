@@ -33,14 +33,18 @@
 #![forbid(unsafe_code)]
 
 pub mod annotate;
+pub mod config;
 pub mod engine;
 pub mod fit;
 pub mod imu;
 pub mod messages;
 pub mod record;
+pub mod run;
 pub mod simulate;
 pub mod still;
 
+mod error;
 mod stamp;
 
+pub use error::Error;
 pub use stamp::Stamp;

@@ -10,5 +10,5 @@ pub mod foxglove {
     include!("messages/foxglove.rs");
 }
 
-/// The descriptor set of every message, dependencies included.
+/// The descriptor set of every message, dependencies included, with the comments that state units and directions.
 pub const DESCRIPTORS: &[u8] = include_bytes!("../schemas/descriptors.binpb");

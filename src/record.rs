@@ -2,13 +2,34 @@
 //! [`annotate`](crate::annotate).
 
 mod annotations;
+mod chunk;
+mod emitter;
+mod error;
+mod fold;
+mod horizon;
+mod inventory;
+mod own;
+mod records;
+mod scan;
+mod sidecar;
+mod summary;
+mod survey;
+mod wire;
 
 pub use annotations::{Annotation, Block, Topic};
+pub use error::Error;
+pub use fold::{Fold, Piece, Tail};
+pub use inventory::Inventory;
+pub use own::{Kind, Original, ReadAt, recognise, recognise_scanned};
+pub use scan::{Damage, Event, Scan};
+pub use sidecar::Sidecar;
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 /// A schema record.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Schema {
     /// Its id in the recording, never 0.
     pub id: u16,
@@ -21,7 +42,7 @@ pub struct Schema {
 }
 
 /// A channel record.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
     /// Its id in the recording.
     pub id: u16,
@@ -33,4 +54,19 @@ pub struct Channel {
     pub message_encoding: String,
     /// Whatever the recorder noted.
     pub metadata: BTreeMap<String, String>,
+}
+
+/// A message as it stands in the recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Message<'a> {
+    /// Id of its channel.
+    pub channel: u16,
+    /// The publisher's count, 0 if it keeps none.
+    pub sequence: u32,
+    /// When it was recorded, in nanoseconds.
+    pub log_time: u64,
+    /// When it was published, in nanoseconds.
+    pub publish_time: u64,
+    /// The encoded message.
+    pub data: &'a [u8],
 }

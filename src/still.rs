@@ -1,6 +1,21 @@
 //! Whether a sensor rests, and what it read while it did. What the rests say about the sensor is left to
 //! [`fit`](crate::fit).
+//!
+//! Biases are unknown, so a test on ‖a‖ − g cannot work. The generalised likelihood-ratio test for zero velocity with
+//! unknown mean (Skog et al., "Zero-velocity detection", IEEE TBME 2010, with the mean as a nuisance parameter) is the
+//! variance in a sliding window, held against the sensor's own noise floor.
 
+mod clock;
 mod config;
+mod floor;
+mod moments;
+mod rest;
+mod segmenter;
+mod track;
+mod window;
 
+pub use clock::{Clock, Tick};
 pub use config::{Config, Detector};
+pub use moments::Moments;
+pub use rest::{Rest, TriadMean};
+pub use segmenter::{Outcome, Segmenter, State, Status};

@@ -25,15 +25,26 @@ fn generated_code_and_descriptor_set_match_the_schema() {
     let schemas = root().join("schemas");
     let descriptors = protox::compile(["stillpoint.proto", "foxglove/Log.proto"], [&schemas]).unwrap();
 
-    // Comments serve the generated documentation; readers of a recording do not need them.
+    // Units and directions are said in our comments, so they travel with the recording. Positions do not.
     let mut embedded = descriptors.clone();
     for file in &mut embedded.file {
-        file.source_code_info = None;
+        if file.package() != "stillpoint" {
+            file.source_code_info = None;
+        }
+        if let Some(info) = &mut file.source_code_info {
+            info.location.retain(|place| place.leading_comments.is_some() || place.trailing_comments.is_some());
+            info.location.iter_mut().for_each(|place| place.span = vec![0, 0, 0]);
+        }
     }
     expect_generated(&schemas.join("descriptors.binpb"), &embedded.encode_to_vec());
 
     let out = tempfile::tempdir().unwrap();
-    prost_build::Config::new().out_dir(out.path()).enable_type_names().compile_fds(descriptors).unwrap();
+    prost_build::Config::new()
+        .out_dir(out.path())
+        .enable_type_names()
+        .type_attribute("stillpoint.Segment.Reason", "#[derive(serde::Serialize, serde::Deserialize)]")
+        .compile_fds(descriptors)
+        .unwrap();
     for package in ["stillpoint", "foxglove"] {
         let file = format!("{package}.rs");
         let fresh = std::fs::read(out.path().join(&file)).unwrap();

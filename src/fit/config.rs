@@ -14,8 +14,6 @@ pub struct Config {
     pub gravity: Option<f64>,
     /// A rest further than this from every face of the fixture is rejected, in degrees.
     pub max_tilt_deg: f64,
-    /// When to fit again.
-    pub refit: Refit,
     /// How far a specific force at rest repeats from placement to placement, one standard deviation in m/s²:
     /// what is assumed until repeated placements show it.
     pub placement_std: f64,
@@ -32,7 +30,6 @@ impl Default for Config {
             estimator: Estimator::Magnitude,
             gravity: None,
             max_tilt_deg: 15.0,
-            refit: Refit::Segment,
             placement_std: 0.01,
             rate_std: 1e-3,
             bounds: Bounds::default(),
@@ -60,17 +57,6 @@ pub enum Estimator {
     Magnitude,
     /// After the regression on the fixture's faces, as the thesis does.
     Fixture,
-}
-
-/// When to fit again once coverage is complete.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Refit {
-    /// At every accepted rest.
-    #[default]
-    Segment,
-    /// Once per fresh set of faces.
-    Round,
 }
 
 /// Limits on the parameters, as `[lower, upper]`.

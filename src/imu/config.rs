@@ -42,9 +42,6 @@ pub struct SecondaryConfig {
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// Datasheet values of a known sensor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub preset: Option<String>,
 }
 
 /// Where a vector stands in the messages of a topic. Written as a path, as three paths, or as a table.

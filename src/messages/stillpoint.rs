@@ -166,6 +166,7 @@ pub struct Segment {
 }
 /// Nested message and enum types in `Segment`.
 pub mod segment {
+    #[derive(serde::Serialize, serde::Deserialize)]
     #[derive(
         Clone,
         Copy,

@@ -1,0 +1,91 @@
+//! The `[output]` table of the configuration.
+
+use serde::{Deserialize, Serialize};
+
+use super::Encoding;
+
+/// What is written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutputConfig {
+    /// How annotations are encoded.
+    pub encoding: EncodingChoice,
+    /// Whether corrected messages are written.
+    pub corrected: Corrected,
+}
+
+/// How annotations are encoded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EncodingChoice {
+    /// As ROS 2 messages in recordings of profile `ros2`, as protobuf in every other.
+    #[default]
+    Auto,
+    /// As ROS 2 messages.
+    Ros2,
+    /// As protobuf.
+    Protobuf,
+}
+
+impl EncodingChoice {
+    /// The encoding in a recording of that profile.
+    pub fn in_profile(self, profile: &str) -> Encoding {
+        match self {
+            Self::Auto if profile == "ros2" => Encoding::Ros2,
+            Self::Auto | Self::Protobuf => Encoding::Protobuf,
+            Self::Ros2 => Encoding::Ros2,
+        }
+    }
+}
+
+/// Whether corrected messages are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", rename_all = "kebab-case")]
+pub enum Corrected {
+    /// No.
+    #[default]
+    Off,
+}
+
+impl TryFrom<String> for Corrected {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        match name.as_str() {
+            "off" => Ok(Self::Off),
+            "causal" | "final" => Err(format!("corrected = \"{name}\" cannot be written yet: set it to \"off\"")),
+            _ => Err(format!("unknown variant `{name}`, expected `off`")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn auto_keeps_a_ros_2_recording_a_ros_2_recording() {
+        assert_eq!(EncodingChoice::Auto.in_profile("ros2"), Encoding::Ros2);
+        assert_eq!(EncodingChoice::Auto.in_profile("ros1"), Encoding::Protobuf);
+        assert_eq!(EncodingChoice::Auto.in_profile(""), Encoding::Protobuf);
+        assert_eq!(EncodingChoice::Protobuf.in_profile("ros2"), Encoding::Protobuf);
+        assert_eq!(EncodingChoice::Ros2.in_profile(""), Encoding::Ros2);
+    }
+
+    #[test]
+    fn the_default_reads_back_and_an_empty_table_means_it() {
+        let written = toml::to_string(&OutputConfig::default()).unwrap_or_default();
+        assert_eq!(written, "encoding = \"auto\"\ncorrected = \"off\"\n");
+        assert_eq!(toml::from_str(&written), Ok(OutputConfig::default()));
+        assert_eq!(toml::from_str(""), Ok(OutputConfig::default()));
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_refused_with_the_setting_that_can() {
+        let refusal = |text: &str| toml::from_str::<OutputConfig>(text).err().map(|error| error.to_string());
+        assert!(refusal("corrected = \"causal\"").is_some_and(|text| text.contains("set it to \"off\"")));
+        assert!(refusal("corrected = \"on\"").is_some_and(|text| text.contains("expected `off`")));
+        assert!(refusal("encoding = \"json\"").is_some());
+        assert!(refusal("encodings = \"auto\"").is_some());
+    }
+}

@@ -1,0 +1,164 @@
+//! What the user typed. What it means is left to the [`commands`](crate::commands).
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Learns the calibration of an IMU from the moments when it rests in an MCAP recording, and writes it back.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true, arg_required_else_help = true, max_term_width = 100, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+    /// Print one machine-readable result on standard output; a simulation's is its truth
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say more
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+const EXIT_CODES: &str = "Exit codes:
+  0  done; also when no calibration could be published
+  1  no recording, no permission, output exists, disk full, no usable IMU topic
+  2  command line or configuration
+  3  done, but the input was damaged or never finished (0 with --accept-damage)
+  4  done, but --require-calibration was not met";
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Find the rests, learn the calibration, and write both into a copy of the recording
+    Annotate(Annotate),
+    /// What could be calibrated in a recording, and why not the rest
+    Topics(Topics),
+    /// The calibration of a recording, for other programs
+    Export(Export),
+    /// Take the annotations out again: the original, byte for byte
+    Strip(Strip),
+    /// Make a recording with known truth
+    Simulate(Simulate),
+    /// Show or check the configuration
+    #[command(subcommand)]
+    Config(Config),
+}
+
+#[derive(Debug, Args)]
+pub struct Configuration {
+    /// Configuration file (TOML)
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// One setting over the file, for example still.min_fit_s=2; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct Annotate {
+    /// The recordings
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
+    pub output: Option<PathBuf>,
+    /// Folder to write into, under the default names
+    #[arg(long, value_name = "DIR")]
+    pub out_dir: Option<PathBuf>,
+    /// Write the annotations alone, into a file that viewers show beside the recording
+    #[arg(long)]
+    pub sidecar: bool,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Also write a result when no topic is an IMU
+    #[arg(long)]
+    pub allow_no_imu: bool,
+    /// Exit with 4 unless every IMU got an accelerometer calibration
+    #[arg(long)]
+    pub require_calibration: bool,
+    /// Exit with 0 when the input was damaged
+    #[arg(long)]
+    pub accept_damage: bool,
+    /// Wait until the output is on the device
+    #[arg(long)]
+    pub sync: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Topics {
+    /// The recording
+    pub input: PathBuf,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
+    pub input: PathBuf,
+    /// What to write
+    #[arg(long)]
+    pub format: Format,
+    /// Where to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Json,
+}
+
+#[derive(Debug, Args)]
+pub struct Strip {
+    /// The annotated recording
+    pub input: PathBuf,
+    /// Where to write the original
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Wait until the output is on the device
+    #[arg(long)]
+    pub sync: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Simulate {
+    /// A built-in scenario, or a scenario file (TOML)
+    #[arg(default_value = "demo")]
+    pub scenario: String,
+    /// Where to write the recording
+    #[arg(short, long, value_name = "OUT", required_unless_present = "show")]
+    pub output: Option<PathBuf>,
+    /// Print the scenario instead, to be edited
+    #[arg(long, conflicts_with = "output")]
+    pub show: bool,
+    /// One setting over the scenario, for example seed=7; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Config {
+    /// Print the default configuration, every key with its unit and meaning
+    Show,
+    /// Check a configuration file
+    Check {
+        /// The file
+        file: PathBuf,
+    },
+}

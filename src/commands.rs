@@ -1,0 +1,104 @@
+//! One module a verb: what the user typed → work of the library → what is printed.
+
+mod annotate;
+mod config;
+mod export;
+mod json;
+mod progress;
+mod simulate;
+mod strip;
+mod summary;
+mod table;
+mod topics;
+
+use std::io::{ErrorKind, Write as _};
+use std::path::Path;
+use std::process::ExitCode;
+
+use stillpoint::config::{Config, Layer};
+use stillpoint::{Error, run::Stop};
+
+use crate::cli::{Cli, Command, Configuration};
+
+/// Runs a command to its end; what made it fail has been said.
+pub fn run(cli: Cli, stop: &Stop) -> Code {
+    let json = cli.json;
+    let done = match cli.command {
+        Command::Annotate(args) => annotate::run(&args, json, stop),
+        Command::Topics(args) => topics::run(&args, json, stop),
+        Command::Export(args) => export::run(&args, stop),
+        Command::Strip(args) => strip::run(&args, json, stop),
+        Command::Simulate(args) => simulate::run(&args, json),
+        Command::Config(verb) => config::run(verb, json),
+    };
+    done.unwrap_or_else(|error| Code::of(&error))
+}
+
+/// How a command ended, from the mildest to the gravest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Code {
+    #[default]
+    Done,
+    Damaged,
+    Uncalibrated,
+    Refused,
+    Usage,
+}
+
+impl Code {
+    /// The code of an error, which is said here and nowhere else.
+    pub fn of(error: &Error) -> Self {
+        tracing::error!("{error}");
+        match error {
+            Error::Usage(_) | Error::Config(_) => Self::Usage,
+            _ => Self::Refused,
+        }
+    }
+}
+
+impl From<Code> for ExitCode {
+    fn from(code: Code) -> Self {
+        Self::from(match code {
+            Code::Done => 0,
+            Code::Refused => 1,
+            Code::Usage => 2,
+            Code::Damaged => 3,
+            Code::Uncalibrated => 4,
+        })
+    }
+}
+
+/// The effective configuration: the file, and the settings over it.
+fn configuration(typed: &Configuration) -> Result<Config, Error> {
+    let mut layers = Vec::new();
+    if let Some(path) = &typed.config {
+        layers.push(layer(path)?);
+    }
+    for setting in &typed.set {
+        layers.push(Layer::set(setting)?);
+    }
+    Ok(Config::load(&layers)?)
+}
+
+fn layer(path: &Path) -> Result<Layer, Error> {
+    let text = std::fs::read_to_string(path);
+    // A configuration that cannot be read is a fault of the command line, not of a recording.
+    let unreadable = |source| Error::Io { doing: "read the configuration", path: path.into(), source };
+    let text = text.map_err(|e| Error::Usage(unreadable(e).to_string()))?;
+    Ok(Layer::file(&path.display().to_string(), &text))
+}
+
+/// Prints a result on standard output. A reader that has seen enough is no error.
+fn print(text: &str) -> Result<(), Error> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::Io { doing: "write to", path: "standard output".into(), source: e })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn print_json(value: &serde_json::Value) -> Result<(), Error> {
+    print(&format!("{value}\n"))
+}

@@ -1,0 +1,149 @@
+//! `stillpoint annotate`: each recording is finished or refused on its own.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+use stillpoint::config::Config;
+use stillpoint::run::{self, Options, Recording, Report, Stop, Written};
+use stillpoint::{Error, imu::Verdict};
+use tracing::{info, warn};
+
+use super::progress::Progress;
+use super::{Code, configuration, json, print_json, summary};
+use crate::cli;
+
+pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
+    let config = configuration(&args.configuration)?;
+    let outputs = outputs(args)?;
+    let mut gravest = Code::Done;
+    for (input, output) in args.inputs.iter().zip(&outputs) {
+        let code = match one(input, output, args, &config, stop) {
+            Ok((report, written)) => {
+                if json {
+                    print_json(&result(input, output, &report))?;
+                }
+                say(output, &report, written);
+                code(args, &report)
+            }
+            Err(error) => {
+                if json {
+                    print_json(&json!({"input": input, "error": error.to_string()}))?;
+                }
+                Code::of(&error)
+            }
+        };
+        gravest = gravest.max(code);
+        if stop.check().is_err() {
+            break;
+        }
+    }
+    Ok(gravest)
+}
+
+/// Where the result of each input goes.
+fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
+    if let Some(output) = &args.output {
+        return match args.inputs.as_slice() {
+            [_] => Ok(vec![output.clone()]),
+            _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
+        };
+    }
+    let mut taken = BTreeMap::new();
+    let mut outputs = Vec::new();
+    for input in &args.inputs {
+        let output = default_output(input, args.out_dir.as_deref(), args.sidecar);
+        if let Some(other) = taken.insert(output.clone(), input) {
+            let (other, input, output) = (other.display(), input.display(), output.display());
+            return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
+        }
+        outputs.push(output);
+    }
+    Ok(outputs)
+}
+
+/// Annotating what was annotated before replaces the annotations, so that its name stays.
+fn default_output(input: &Path, folder: Option<&Path>, sidecar: bool) -> PathBuf {
+    let stem = input.file_stem().unwrap_or_default().to_string_lossy();
+    let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
+    let name = format!("{stem}.{}.mcap", if sidecar { "stillpoint" } else { "annotated" });
+    folder.map_or_else(|| input.with_file_name(&name), |folder| folder.join(&name))
+}
+
+fn one(
+    input: &Path,
+    output: &Path,
+    args: &cli::Annotate,
+    config: &Config,
+    stop: &Stop,
+) -> Result<(Report, Written), Error> {
+    let recording = Recording::open_original(input)?;
+    let progress = Progress::new(&recording, stop);
+    let options =
+        Options { sidecar: args.sidecar, force: args.force, allow_no_imu: args.allow_no_imu, sync: args.sync };
+    run::annotate(&recording, output, config, options, &|done| progress.watch(done))
+}
+
+fn code(args: &cli::Annotate, report: &Report) -> Code {
+    if args.require_calibration && !(report.imus.iter().all(|imu| imu.is_calibrated()) && !report.imus.is_empty()) {
+        Code::Uncalibrated
+    } else if report.damages > 0 && !args.accept_damage {
+        Code::Damaged
+    } else {
+        Code::Done
+    }
+}
+
+fn result(input: &Path, output: &Path, report: &Report) -> serde_json::Value {
+    let damage = report.damage.iter().map(|damage| json!({"offset": damage.offset, "what": damage.what}));
+    json!({
+        "input": input,
+        "output": output,
+        "imus": json::imus(&report.imus),
+        "rests": json::rests(&report.imus),
+        "messages": report.messages,
+        "damage": {"count": report.damages, "found": damage.collect::<serde_json::Value>()},
+    })
+}
+
+fn say(output: &Path, report: &Report, written: Written) {
+    for (reason, topics) in skipped(report) {
+        warn!("{}: {reason}", topics.join(", "));
+    }
+    report.notes.iter().for_each(|note| warn!("{note}"));
+    report.damage.iter().for_each(|damage| warn!("damaged {damage}"));
+    if report.damages > report.damage.len() as u64 {
+        warn!("{} damages in all", report.damages);
+    }
+    report.imus.iter().for_each(|imu| info!("{}", summary::imu(imu)));
+    match written {
+        Written::Now => info!("wrote {}", output.display()),
+        Written::Before => info!("{} is already the result of this: nothing to do", output.display()),
+    }
+}
+
+/// Topics that could not be read, by reason.
+pub fn skipped(report: &Report) -> BTreeMap<&str, Vec<&str>> {
+    let mut skipped = BTreeMap::<_, Vec<_>>::new();
+    for (channel, verdict) in &report.channels {
+        if let Verdict::Skipped(reason) = verdict {
+            skipped.entry(reason.as_str()).or_default().push(channel.topic.as_str());
+        }
+    }
+    skipped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn default_names_stand_beside_the_input_or_in_the_folder() {
+        let name = |input: &str, folder: Option<&str>, sidecar| {
+            default_output(Path::new(input), folder.map(Path::new), sidecar).display().to_string()
+        };
+        assert_eq!(name("a/x.mcap", None, false), "a/x.annotated.mcap");
+        assert_eq!(name("a/x.mcap", Some("b"), true), "b/x.stillpoint.mcap");
+        assert_eq!(name("x.annotated.mcap", None, false), "x.annotated.mcap");
+    }
+}

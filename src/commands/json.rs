@@ -1,0 +1,132 @@
+//! Findings for machines: the shape of `export --format json`, which `annotate --json` shares.
+
+use serde_json::{Value, json};
+use stillpoint::messages::{Coverage, Triad, Vector3};
+use stillpoint::run::Findings;
+
+/// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
+pub fn imus<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
+    findings.into_iter().map(imu).collect()
+}
+
+/// `{"found": …, "accepted": …, "rejected": …}` over all IMUs.
+pub fn rests<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
+    let (found, accepted) = findings
+        .into_iter()
+        .fold((0, 0), |(found, accepted), imu| (found + imu.rests.len(), accepted + imu.accepted()));
+    json!({"found": found, "accepted": accepted, "rejected": found - accepted})
+}
+
+fn imu(findings: &Findings) -> Value {
+    let calibration = findings.calibration.as_ref();
+    json!({
+        "name": findings.name,
+        "topic": findings.topic,
+        "direction": "measured = bias + sensitivity * true",
+        "accelerometer": triad(calibration.and_then(|c| c.accelerometer.as_ref())),
+        "gyroscope": triad(calibration.and_then(|c| c.gyroscope.as_ref())),
+        "secondary": calibration.iter().flat_map(|c| &c.secondary).map(|t| triad(Some(t))).collect::<Value>(),
+        "gravity": calibration.map(|c| c.gravity),
+        "gravity_source": calibration.map(|c| &c.gravity_source),
+        "revision": calibration.map(|c| c.revision),
+        "segments": calibration.map(|c| c.segments),
+        "placements": calibration.map(|c| c.placements),
+        "rests": rests([findings]),
+        "coverage": findings.coverage.as_ref().map(coverage),
+        "reason": findings.reason(),
+    })
+}
+
+fn coverage(coverage: &Coverage) -> Value {
+    let faces = coverage.faces.iter().map(|face| {
+        json!({
+            "name": face.name,
+            "normal": face.normal.as_ref().map(vector),
+            "placements": face.placements,
+            "seconds": face.seconds,
+        })
+    });
+    json!({"faces": faces.collect::<Value>(), "complete": coverage.complete, "next_step": coverage.next_step})
+}
+
+/// A triad; what is not estimated is `null`.
+fn triad(triad: Option<&Triad>) -> Value {
+    let none = Triad::default();
+    let triad = triad.unwrap_or(&none);
+    json!({
+        "sensor": text(&triad.sensor),
+        "topic": text(&triad.topic),
+        "model": super::summary::model(triad.model()),
+        "status": triad.status().as_str_name(),
+        "bias": triad.bias.as_ref().map(vector),
+        "sensitivity": matrix(&triad.sensitivity),
+        "bias_std": triad.bias_std.as_ref().map(vector),
+        "sensitivity_std": matrix_of_estimates(&triad.sensitivity_std),
+        "g_sensitivity": matrix(&triad.g_sensitivity),
+        "g2_sensitivity": list(&triad.g2_sensitivity),
+        "rate_sensitivity": matrix(&triad.rate_sensitivity),
+        "residual_rms": triad.residual_rms,
+        "chi2_per_dof": triad.chi2_per_dof,
+        "worst_case_error": triad.worst_case_error,
+        "condition": triad.condition,
+        "covariance": list(&triad.covariance),
+        "notes": triad.notes,
+    })
+}
+
+fn vector(v: &Vector3) -> Value {
+    json!([v.x, v.y, v.z])
+}
+
+fn text(text: &str) -> Option<&str> {
+    (!text.is_empty()).then_some(text)
+}
+
+fn list(values: &[f64]) -> Option<&[f64]> {
+    (!values.is_empty()).then_some(values)
+}
+
+fn matrix(row_major: &[f64]) -> Option<Vec<&[f64]>> {
+    list(row_major).map(|values| values.chunks(3).collect())
+}
+
+/// A standard deviation of zero belongs to an entry that the model holds fixed.
+fn matrix_of_estimates(row_major: &[f64]) -> Option<Vec<Vec<Option<f64>>>> {
+    let row = |row: &&[f64]| row.iter().map(|&std| Some(std).filter(|&std| std > 0.0)).collect();
+    matrix(row_major).map(|rows| rows.iter().map(row).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint::messages::triad::{Model, Status};
+
+    #[test]
+    fn what_was_not_estimated_is_null() {
+        let findings = Findings::new("/imu", "/imu");
+        let value = imus([&findings]);
+        assert_eq!(value[0]["topic"], "/imu");
+        assert_eq!(value[0]["accelerometer"]["status"], "UNDETERMINED");
+        for key in ["model", "bias", "sensitivity", "bias_std", "sensitivity_std", "chi2_per_dof"] {
+            assert_eq!(value[0]["accelerometer"][key], Value::Null, "{key}");
+        }
+        assert_eq!(value[0]["coverage"], Value::Null);
+    }
+
+    #[test]
+    fn entries_that_the_model_holds_fixed_have_no_deviation() {
+        let triad = Triad {
+            model: Model::BiasScale.into(),
+            status: Status::Provisional.into(),
+            sensitivity: vec![0.1 + 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            sensitivity_std: vec![0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01],
+            ..Triad::default()
+        };
+        let value = super::triad(Some(&triad));
+        assert_eq!(value["model"], "bias-scale");
+        assert_eq!(value["sensitivity"][0], json!([0.1 + 0.2, 0.0, 0.0]));
+        assert_eq!(value["sensitivity_std"][1], json!([null, 0.01, null]));
+        let read_back: Value = serde_json::from_str(&value.to_string()).unwrap();
+        assert_eq!(read_back, value, "doubles read back exactly");
+    }
+}

@@ -1,0 +1,46 @@
+//! A progress bar where people watch, and the wish to stop everywhere.
+
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use stillpoint::Error;
+use stillpoint::run::{Recording, Stop};
+
+/// Shows how far a recording has been read, and asks whether to go on.
+pub struct Progress<'a> {
+    bar: ProgressBar,
+    stop: &'a Stop,
+}
+
+impl<'a> Progress<'a> {
+    /// A bar for a recording; nothing where standard error is no terminal or is to be quiet.
+    pub fn new(recording: &Recording, stop: &'a Stop) -> Self {
+        let target = match tracing::enabled!(tracing::Level::INFO) {
+            true => ProgressDrawTarget::stderr(),
+            false => ProgressDrawTarget::hidden(),
+        };
+        let name = recording.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let style = ProgressStyle::with_template("{msg}  {wide_bar}  {bytes} of {total_bytes}, {eta} left");
+        let bar = ProgressBar::with_draw_target(Some(recording.length()), target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+            .with_message(name);
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self { bar, stop }
+    }
+
+    /// To be called with the bytes that are done.
+    ///
+    /// # Errors
+    ///
+    /// Once a signal asked to stop.
+    pub fn watch(&self, done: u64) -> Result<(), Error> {
+        self.bar.set_position(done);
+        self.stop.check()
+    }
+}
+
+impl Drop for Progress<'_> {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

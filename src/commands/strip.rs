@@ -1,0 +1,24 @@
+//! `stillpoint strip`: the original out of an annotated recording.
+
+use serde_json::json;
+use stillpoint::Error;
+use stillpoint::run::{self, Recording, Stop};
+use tracing::info;
+
+use super::progress::Progress;
+use super::{Code, print_json};
+use crate::cli;
+
+pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {
+    let recording = Recording::open_annotated(&args.input)?;
+    let written = {
+        let progress = Progress::new(&recording, stop);
+        run::strip(&recording, &args.output, args.force, args.sync, &|done| progress.watch(done))?
+    };
+    match (json, written) {
+        (true, _) => print_json(&json!({"input": args.input, "output": args.output, "bytes": recording.length()}))?,
+        (false, run::Written::Now) => info!("wrote {}", args.output.display()),
+        (false, run::Written::Before) => info!("{} is already the original: nothing to do", args.output.display()),
+    }
+    Ok(Code::Done)
+}

@@ -1,0 +1,86 @@
+//! Columns that line up, on a terminal, where a character may be wider than a byte and colours have no width.
+
+use console::measure_text_width;
+
+/// Rows of cells; the first column is aligned to the left, the others to the right.
+#[derive(Default)]
+pub struct Table(Vec<Row>);
+
+enum Row {
+    Heading(String),
+    Cells(Vec<String>),
+}
+
+impl Table {
+    /// Adds a line that is no part of the columns.
+    pub fn heading(&mut self, text: String) {
+        self.0.push(Row::Heading(text));
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.0.push(Row::Cells(cells.into_iter().collect()));
+    }
+
+    /// One line a row, each behind `indent`.
+    pub fn lines(&self, indent: &str) -> Vec<String> {
+        let mut widths = Vec::new();
+        for row in &self.0 {
+            let Row::Cells(cells) = row else { continue };
+            widths.resize(widths.len().max(cells.len()), 0);
+            for (width, cell) in widths.iter_mut().zip(cells) {
+                *width = measure_text_width(cell).max(*width);
+            }
+        }
+        self.0.iter().map(|row| format!("{indent}{}", row.line(&widths))).collect()
+    }
+}
+
+impl Row {
+    fn line(&self, widths: &[usize]) -> String {
+        let cells = match self {
+            Self::Heading(text) => return text.clone(),
+            Self::Cells(cells) => cells,
+        };
+        let mut line = String::new();
+        for (column, (cell, width)) in cells.iter().zip(widths).enumerate() {
+            let padding = " ".repeat(width - measure_text_width(cell));
+            match column {
+                0 => line.extend([cell.as_str(), &padding]),
+                _ => line.extend(["  ", &padding, cell]),
+            }
+        }
+        line.trim_end().to_owned()
+    }
+}
+
+/// `value ± std` with as many decimals as the deviation gives meaning: two of its digits.
+pub fn estimate(value: f64, std: f64) -> String {
+    let decimals = match std {
+        std if std.is_finite() && std > 0.0 => (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize,
+        _ => 5,
+    };
+    format!("{value:.decimals$} ± {std:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_line_up_whatever_their_letters() {
+        let mut table = Table::default();
+        table.row(["bias m/s²".into(), "1".into()]);
+        table.row(["x".into(), "\u{1b}[32m22\u{1b}[0m".into()]);
+        table.heading("of its own width, however long".into());
+        assert_eq!(table.lines("  ").pop().unwrap(), "  of its own width, however long");
+        assert_eq!(table.lines("  ")[..2], ["  bias m/s²   1", "  x          \u{1b}[32m22\u{1b}[0m"]);
+    }
+
+    #[test]
+    fn an_estimate_has_the_digits_that_its_deviation_allows() {
+        assert_eq!(estimate(0.535_04, 0.005_9), "0.5350 ± 0.0059");
+        assert_eq!(estimate(-7.946, 0.012), "-7.946 ± 0.012");
+        assert_eq!(estimate(12.0, 34.0), "12 ± 34");
+    }
+}

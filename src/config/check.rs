@@ -1,0 +1,124 @@
+//! What types cannot say about a configuration: ranges, and keys that must agree with each other.
+
+use std::collections::BTreeSet;
+
+use super::Config;
+use crate::{fit, imu, still};
+
+/// A value that makes no sense.
+pub(super) struct Fault {
+    pub(super) key: String,
+    pub(super) why: String,
+}
+
+impl Config {
+    /// The first value that makes no sense.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        imus(&self.imu)?;
+        rests(&self.still)?;
+        fit(&self.fit)
+    }
+}
+
+fn imus(imus: &[imu::ImuConfig]) -> Result<(), Fault> {
+    let mut names = BTreeSet::new();
+    for (i, imu) in imus.iter().enumerate() {
+        let key = format!("imu.{i}.{}", if imu.name.is_some() { "name" } else { "topic" });
+        topic(&format!("imu.{i}.topic"), &imu.topic)?;
+        let name = imu.name.as_ref().unwrap_or(&imu.topic);
+        if name.is_empty() {
+            return fault(&key, "must not be empty");
+        }
+        if !names.insert(name.trim_start_matches('/')) {
+            return fault(&key, format!("two IMUs are called {name}; give one of them another `name`"));
+        }
+        secondaries(i, &imu.secondary)?;
+    }
+    Ok(())
+}
+
+fn secondaries(imu: usize, secondaries: &[imu::SecondaryConfig]) -> Result<(), Fault> {
+    let mut names = BTreeSet::from(["", "accelerometer", "gyroscope"]);
+    for (i, secondary) in secondaries.iter().enumerate() {
+        let key = format!("imu.{imu}.secondary.{i}");
+        if !names.insert(&secondary.name) {
+            return fault(&format!("{key}.name"), format!("`{}` is taken; choose another name", secondary.name));
+        }
+        if let Some(name) = &secondary.topic {
+            topic(&format!("{key}.topic"), name)?;
+        }
+    }
+    Ok(())
+}
+
+fn topic(key: &str, topic: &str) -> Result<(), Fault> {
+    if topic.is_empty() {
+        return fault(key, "must not be empty");
+    }
+    if topic.contains("/stillpoint/") {
+        return fault(key, "topics that contain /stillpoint/ are annotations, not sources");
+    }
+    Ok(())
+}
+
+fn rests(still: &still::Config) -> Result<(), Fault> {
+    let still::Config { window_s, enter, settle_s, leave, min_rest_s, min_fit_s, .. } = *still;
+    let still::Config { max_duration_s, gap_s, accel_ceiling, gyro_ceiling, max_creep, max_turn, .. } = *still;
+    for (key, value) in [
+        ("still.window_s", window_s),
+        ("still.enter", enter),
+        ("still.settle_s", settle_s),
+        ("still.leave", leave),
+        ("still.min_rest_s", min_rest_s),
+        ("still.min_fit_s", min_fit_s),
+        ("still.max_duration_s", max_duration_s),
+        ("still.gap_s", gap_s),
+        ("still.accel_ceiling", accel_ceiling),
+        ("still.gyro_ceiling", gyro_ceiling),
+        ("still.max_creep", max_creep),
+        ("still.max_turn", max_turn),
+    ] {
+        positive(key, value)?;
+    }
+    not_below("still.leave", leave, "still.enter", enter)?;
+    not_below("still.min_fit_s", min_fit_s, "still.min_rest_s", min_rest_s)?;
+    not_below("still.max_duration_s", max_duration_s, "still.min_fit_s", min_fit_s)
+}
+
+fn fit(fit: &fit::Config) -> Result<(), Fault> {
+    positive("fit.gravity", fit.gravity.unwrap_or(1.0))?;
+    positive("fit.placement_std", fit.placement_std)?;
+    positive("fit.rate_std", fit.rate_std)?;
+    positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
+    if fit.max_tilt_deg > 45.0 {
+        return fault("fit.max_tilt_deg", format!("must not exceed 45, is {}", fit.max_tilt_deg));
+    }
+    let fit::Bounds { accel_bias, accel_scale, gyro_bias, secondary_bias, secondary_scale } = fit.bounds;
+    bounds("fit.bounds.accel_bias", accel_bias)?;
+    bounds("fit.bounds.accel_scale", accel_scale)?;
+    bounds("fit.bounds.gyro_bias", gyro_bias)?;
+    bounds("fit.bounds.secondary_bias", secondary_bias)?;
+    bounds("fit.bounds.secondary_scale", secondary_scale)
+}
+
+fn positive(key: &str, value: f64) -> Result<(), Fault> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { fault(key, format!("must be positive, is {value}")) }
+}
+
+fn not_below(key: &str, value: f64, other: &str, least: f64) -> Result<(), Fault> {
+    if value >= least { Ok(()) } else { fault(key, format!("must not be below `{other}` ({least}), is {value}")) }
+}
+
+fn bounds(key: &str, [lower, upper]: [f64; 2]) -> Result<(), Fault> {
+    if !lower.is_finite() || !upper.is_finite() {
+        return fault(key, "bounds must be finite");
+    }
+    if lower > upper {
+        return fault(key, format!("the lower bound {lower} is above the upper bound {upper}"));
+    }
+    Ok(())
+}
+
+fn fault<T>(key: &str, why: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault { key: key.to_owned(), why: why.into() })
+}

@@ -1,0 +1,136 @@
+//! The rests that an engine remembers, with the verdict on each. How they are judged is left to `judge`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::messages::segment::Reason;
+use crate::still::{Rest, TriadMean};
+
+/// So many rests of one kind (accepted on one face, or rejected) are kept apart.
+const MAX_KEPT: usize = 64;
+
+/// Rests in the order in which they ended.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Book {
+    entries: Vec<Entry>,
+    forgotten: u64,
+}
+
+/// One rest.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Entry {
+    pub(super) rest: Rest,
+    pub(super) verdict: Verdict,
+    /// What was last said of it.
+    pub(super) told: Option<Verdict>,
+    /// How many rests it stands for.
+    pub(super) count: u64,
+}
+
+/// What is thought of a rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Verdict {
+    pub(super) reason: Reason,
+    /// Nearest face of the fixture, and the angle to it in degrees, once the orientation can be told.
+    pub(super) face: Option<(usize, f64)>,
+    pub(super) explanation: String,
+}
+
+impl Verdict {
+    pub(super) fn is_accepted(&self) -> bool {
+        self.reason == Reason::Accepted
+    }
+
+    /// Whether it is so much another that people are to be told again.
+    pub(super) fn differs_from(&self, told: &Self) -> bool {
+        /// Degrees.
+        const TILT: f64 = 1.0;
+        let tilts = (self.face, told.face);
+        let moved = matches!(tilts, (Some((_, now)), Some((_, then))) if (now - then).abs() > TILT);
+        self.reason != told.reason || self.face() != told.face() || moved && !self.is_accepted()
+    }
+
+    /// Nearest face of the fixture.
+    pub(super) fn face(&self) -> Option<usize> {
+        self.face.map(|(face, _)| face)
+    }
+
+    fn kind(&self) -> Option<usize> {
+        self.face().filter(|_| self.is_accepted())
+    }
+}
+
+impl Book {
+    pub(super) fn add(&mut self, rest: Rest) {
+        let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
+        self.entries.push(Entry { rest, verdict, told: None, count: 1 });
+    }
+
+    pub(super) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    pub(super) fn entries_mut(&mut self) -> &mut [Entry] {
+        &mut self.entries
+    }
+
+    /// Rests found, whether still remembered or not.
+    pub(super) fn found(&self) -> u64 {
+        self.forgotten + self.entries.iter().map(|entry| entry.count).sum::<u64>()
+    }
+
+    /// Rests accepted.
+    pub(super) fn accepted(&self) -> u64 {
+        self.entries.iter().filter(|entry| entry.verdict.is_accepted()).map(|entry| entry.count).sum()
+    }
+
+    /// Keeps memory constant: of too many accepted rests on one face the two nearest in time are merged, of too many
+    /// rejected ones the oldest is forgotten.
+    pub(super) fn shrink(&mut self) {
+        let Some(kind) = self.entries.last().map(|entry| entry.verdict.kind()) else { return };
+        let same: Vec<usize> = (0..self.entries.len()).filter(|&i| self.entries[i].verdict.kind() == kind).collect();
+        if same.len() <= MAX_KEPT {
+            return;
+        }
+        if kind.is_none() {
+            self.forgotten += self.entries.remove(same[0]).count;
+            return;
+        }
+        let gap = |pair: &&[usize]| self.entries[pair[1]].rest.start.since(self.entries[pair[0]].rest.end);
+        if let Some(&[first, second]) = same.windows(2).min_by_key(gap) {
+            let later = self.entries.remove(second);
+            self.entries[first].absorb(&later);
+        }
+    }
+}
+
+impl Entry {
+    fn absorb(&mut self, later: &Self) {
+        let rest = &mut self.rest;
+        rest.end = later.rest.end;
+        rest.accelerometer = merged(&rest.accelerometer, &later.rest.accelerometer);
+        rest.gyroscope = both(rest.gyroscope.as_ref(), later.rest.gyroscope.as_ref());
+        for (mine, theirs) in rest.secondary.iter_mut().zip(&later.rest.secondary) {
+            *mine = both(mine.as_ref(), theirs.as_ref());
+        }
+        self.count += later.count;
+    }
+}
+
+fn both(a: Option<&TriadMean>, b: Option<&TriadMean>) -> Option<TriadMean> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(merged(a, b)),
+        (one, other) => one.or(other).cloned(),
+    }
+}
+
+/// Two means as if of one rest; what they differ by is placement, not noise.
+fn merged(a: &TriadMean, b: &TriadMean) -> TriadMean {
+    let share = b.effective / (a.effective + b.effective).max(f64::MIN_POSITIVE);
+    TriadMean {
+        samples: a.samples + b.samples,
+        effective: a.effective + b.effective,
+        mean: a.mean + (b.mean - a.mean) * share,
+        covariance: a.covariance + (b.covariance - a.covariance) * share,
+        trend: a.trend,
+    }
+}

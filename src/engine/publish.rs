@@ -1,0 +1,308 @@
+//! What an engine knows, as messages, and which of it is news.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::Config;
+use super::book::{Book, Entry};
+use super::solve::Solution;
+use super::words;
+use crate::Stamp;
+use crate::fit::accelerometer::worst_case_error;
+use crate::fit::{Calibration, Fixture, Shape};
+use crate::messages::triad::{Model, Status};
+use crate::messages::{self, Triad};
+use crate::still::TriadMean;
+
+/// So many repeats of a face confirm a calibration.
+const CONFIRMING_REPEATS: usize = 3;
+/// Weighted sum of squares over its degrees of freedom up to which repeats agree.
+const AGREEMENT: f64 = 4.0;
+
+/// Remembers what was published.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Publisher {
+    #[serde(serialize_with = "encode", deserialize_with = "decode")]
+    coverage: Option<messages::Coverage>,
+    #[serde(serialize_with = "encode", deserialize_with = "decode")]
+    calibration: Option<messages::Calibration>,
+}
+
+impl Publisher {
+    pub(super) fn published(&self) -> Option<&messages::Calibration> {
+        self.calibration.as_ref()
+    }
+
+    /// The coverage, if it is another than before.
+    pub(super) fn coverage(&mut self, coverage: messages::Coverage) -> Option<messages::Coverage> {
+        let same = self.coverage.as_ref().is_some_and(|last| {
+            last.faces == coverage.faces && last.complete == coverage.complete && last.next_step == coverage.next_step
+        });
+        if same {
+            return None;
+        }
+        self.coverage = Some(coverage.clone());
+        Some(coverage)
+    }
+
+    /// The calibration with its revision, if it is worth publishing: a parameter moved by half a standard deviation, a
+    /// standard deviation shrank by a tenth, a verdict changed; at the end of the recording, if more rests entered.
+    pub(super) fn calibration(
+        &mut self,
+        mut calibration: messages::Calibration,
+        at_end: bool,
+    ) -> Option<messages::Calibration> {
+        let worth = match &self.calibration {
+            None => triads(&calibration).any(is_determined),
+            Some(last) => {
+                at_end && last.segments != calibration.segments
+                    || triads(last).zip(triads(&calibration)).any(|(last, now)| is_news(last, now))
+            }
+        };
+        if !worth {
+            return None;
+        }
+        calibration.revision = self.calibration.as_ref().map_or(1, |last| last.revision + 1);
+        self.calibration = Some(calibration.clone());
+        Some(calibration)
+    }
+}
+
+pub(super) fn header(stamp: Stamp, frame_id: &str) -> messages::Header {
+    messages::Header { stamp: Some(stamp.into()), frame_id: frame_id.to_owned() }
+}
+
+pub(super) fn segment(
+    header: messages::Header,
+    entry: &Entry,
+    config: &Config,
+    fixture: &Fixture,
+) -> messages::Segment {
+    let Entry { rest, verdict, .. } = entry;
+    let secondary = rest.secondary.iter().zip(&config.secondary);
+    let means = std::iter::once(("accelerometer", &rest.accelerometer))
+        .chain(rest.gyroscope.as_ref().map(|mean| ("gyroscope", mean)))
+        .chain(secondary.filter_map(|(mean, (name, _))| Some((name.as_str(), mean.as_ref()?))));
+    let face = verdict.face.and_then(|(face, _)| fixture.faces().get(face));
+    messages::Segment {
+        header: Some(header),
+        start: Some(rest.start.into()),
+        end: Some(rest.end.into()),
+        accepted: verdict.is_accepted(),
+        face: face.map(|face| face.name.clone()).unwrap_or_default(),
+        tilt_deg: verdict.face.map(|(_, tilt)| tilt),
+        reason: verdict.reason.into(),
+        explanation: verdict.explanation.clone(),
+        means: means.map(|(name, mean)| triad_mean(name, mean)).collect(),
+        placement: rest.placement,
+        temperature: None,
+    }
+}
+
+pub(super) fn coverage(
+    header: messages::Header,
+    book: &Book,
+    fixture: &Fixture,
+    solution: &Solution,
+) -> messages::Coverage {
+    let faces: Vec<_> = fixture
+        .faces()
+        .iter()
+        .enumerate()
+        .map(|(i, face)| {
+            let on_face = book
+                .entries()
+                .iter()
+                .filter(|entry| entry.verdict.is_accepted() && entry.verdict.face.is_some_and(|(face, _)| face == i));
+            let mut placements: Vec<_> = on_face.clone().map(|entry| entry.rest.placement).collect();
+            placements.dedup();
+            messages::Face {
+                name: face.name.clone(),
+                normal: Some(vector(&face.normal)),
+                placements: placements.len() as u32,
+                seconds: on_face.map(|entry| entry.rest.seconds()).sum(),
+            }
+        })
+        .collect();
+    let complete = faces.iter().all(|face| face.placements > 0);
+    let next_step = words::next_step(&faces, book.found(), solution, accelerometer_status(solution));
+    messages::Coverage { header: Some(header), faces, complete, next_step }
+}
+
+pub(super) fn calibration(
+    header: messages::Header,
+    book: &Book,
+    config: &Config,
+    solution: &Solution,
+) -> messages::Calibration {
+    let used = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
+    messages::Calibration {
+        header: Some(header),
+        revision: 0,
+        accelerometer: Some(accelerometer(config, solution)),
+        gyroscope: Some(gyroscope(config, solution)),
+        secondary: (0..config.secondary.len()).map(|i| secondary(i, config, solution)).collect(),
+        gravity: solution.gravity.value,
+        gravity_source: if config.fit.gravity.is_some() { "configured" } else { "standard" }.to_owned(),
+        segments: book.accepted() as u32,
+        placements: solution.placements as u32,
+        from: used().map(|entry| entry.rest.start).min().map(Into::into),
+        until: used().map(|entry| entry.rest.end).max().map(Into::into),
+        temperature_min: None,
+        temperature_max: None,
+    }
+}
+
+/// Repeats beyond one placement a face are what can contradict a fit.
+fn accelerometer_status(solution: &Solution) -> Status {
+    const FACES: usize = 6;
+    let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
+    status(solution.placements.saturating_sub(FACES), fit.chi2_per_dof)
+}
+
+fn status(repeats: usize, chi2_per_dof: Option<f64>) -> Status {
+    let agree = repeats >= CONFIRMING_REPEATS && chi2_per_dof.is_some_and(|chi2| chi2 <= AGREEMENT);
+    if agree { Status::Confirmed } else { Status::Provisional }
+}
+
+fn accelerometer(config: &Config, solution: &Solution) -> Triad {
+    let named = named("accelerometer", &config.accelerometer);
+    let fit = match &solution.accelerometer {
+        Ok(fit) => fit,
+        Err(why) => return Triad { notes: vec![why.clone()], ..named },
+    };
+    let worst = worst_case_error(&fit.calibration, fit.shape, &fit.covariance, solution.gravity.value);
+    let mut notes = words::active_bounds(&fit.active, fit.shape);
+    if config.fit.gravity.is_none() {
+        notes.push(words::assumed_gravity(solution.gravity));
+    }
+    Triad {
+        status: accelerometer_status(solution).into(),
+        residual_rms: Some(fit.residual_rms),
+        chi2_per_dof: fit.chi2_per_dof,
+        condition: Some(fit.condition),
+        worst_case_error: Some(worst),
+        notes,
+        ..parameters(named, &fit.calibration, fit.shape, &fit.covariance)
+    }
+}
+
+fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
+    let (name, topic) = config.secondary.get(index).cloned().unwrap_or_default();
+    let named = named(&name, &topic);
+    let fit = match solution.secondary.get(index) {
+        Some(Ok(fit)) => fit,
+        Some(Err(why)) => return Triad { notes: vec![why.clone()], ..named },
+        None => return named,
+    };
+    let shape = Shape::DIAGONAL;
+    Triad {
+        // It can be no surer than the primary that it was compared with.
+        status: accelerometer_status(solution).into(),
+        residual_rms: Some(fit.residual_rms),
+        chi2_per_dof: fit.chi2_per_dof,
+        condition: Some(fit.condition),
+        worst_case_error: Some(worst_case_error(&fit.calibration, shape, &fit.covariance, solution.gravity.value)),
+        notes: words::active_bounds(&fit.active, shape),
+        ..parameters(named, &fit.calibration, shape, &fit.covariance)
+    }
+}
+
+fn gyroscope(config: &Config, solution: &Solution) -> Triad {
+    let named = named("gyroscope", &config.gyroscope);
+    let Some(fit) = &solution.gyroscope else { return named };
+    Triad {
+        model: Model::Bias.into(),
+        status: status(solution.gyro_placements.saturating_sub(1), fit.chi2_per_dof).into(),
+        bias: Some(vector(&fit.bias)),
+        bias_std: Some(vector(&fit.covariance.diagonal().map(f64::sqrt))),
+        covariance: row_major(&fit.covariance),
+        residual_rms: Some(fit.residual_rms),
+        chi2_per_dof: fit.chi2_per_dof,
+        ..named
+    }
+}
+
+fn named(sensor: &str, topic: &str) -> Triad {
+    Triad { sensor: sensor.to_owned(), topic: topic.to_owned(), ..Triad::default() }
+}
+
+fn parameters(named: Triad, calibration: &Calibration, shape: Shape, covariance: &DMatrix<f64>) -> Triad {
+    let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+    let mut sensitivity_std = Matrix3::zeros();
+    for (k, &entry) in shape.free().iter().enumerate() {
+        sensitivity_std[entry] = std(3 + k);
+    }
+    Triad {
+        model: Model::BiasScale.into(),
+        bias: Some(vector(&calibration.bias)),
+        bias_std: Some(vector(&Vector3::from_fn(|i, _| std(i)))),
+        scale: Some(vector(&calibration.sensitivity.diagonal())),
+        scale_std: Some(vector(&sensitivity_std.diagonal())),
+        sensitivity: row_major(&calibration.sensitivity),
+        sensitivity_std: row_major(&sensitivity_std),
+        covariance: covariance.transpose().as_slice().to_vec(),
+        ..named
+    }
+}
+
+fn triad_mean(sensor: &str, mean: &TriadMean) -> messages::TriadMean {
+    messages::TriadMean {
+        sensor: sensor.to_owned(),
+        samples: mean.samples,
+        effective_samples: mean.effective,
+        mean: Some(vector(&mean.mean)),
+        covariance: row_major(&mean.covariance),
+        std: Some(vector(&mean.std())),
+    }
+}
+
+fn triads(calibration: &messages::Calibration) -> impl Iterator<Item = &Triad> {
+    calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary)
+}
+
+fn is_determined(triad: &Triad) -> bool {
+    triad.status() != Status::Undetermined
+}
+
+fn is_news(last: &Triad, now: &Triad) -> bool {
+    if last.status() != now.status() || last.model() != now.model() {
+        return true;
+    }
+    let old = parameters_of(last).zip(stds_of(last));
+    let new = parameters_of(now).zip(stds_of(now));
+    // What is not estimated has no deviation, and never moves.
+    old.zip(new)
+        .filter(|((_, was_std), _)| *was_std > 0.0)
+        .any(|((was, was_std), (is, is_std))| (is - was).abs() >= 0.5 * was_std || is_std <= 0.9 * was_std)
+}
+
+fn parameters_of(triad: &Triad) -> impl Iterator<Item = f64> {
+    components(triad.bias.as_ref()).chain(triad.sensitivity.clone())
+}
+
+fn stds_of(triad: &Triad) -> impl Iterator<Item = f64> {
+    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone())
+}
+
+fn components(vector: Option<&messages::Vector3>) -> impl Iterator<Item = f64> {
+    vector.map(|v| [v.x, v.y, v.z]).into_iter().flatten()
+}
+
+fn vector(v: &Vector3<f64>) -> messages::Vector3 {
+    messages::Vector3 { x: v.x, y: v.y, z: v.z }
+}
+
+fn row_major(matrix: &Matrix3<f64>) -> Vec<f64> {
+    matrix.transpose().as_slice().to_vec()
+}
+
+/// A message is kept as its bytes.
+fn encode<M: prost::Message, S: Serializer>(message: &Option<M>, serializer: S) -> Result<S::Ok, S::Error> {
+    message.as_ref().map(M::encode_to_vec).serialize(serializer)
+}
+
+fn decode<'de, M: prost::Message + Default, D: Deserializer<'de>>(deserializer: D) -> Result<Option<M>, D::Error> {
+    let bytes = Option::<Vec<u8>>::deserialize(deserializer)?;
+    bytes.map(|bytes| M::decode(bytes.as_slice())).transpose().map_err(serde::de::Error::custom)
+}

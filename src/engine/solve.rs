@@ -1,0 +1,171 @@
+//! From the judged rests to what they determine of each triad.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::book::Entry;
+use crate::fit::accelerometer::{Assumptions, Gravity};
+use crate::fit::{self, Fixture, Shape, accelerometer, gyroscope, secondary};
+use crate::messages::segment::Reason;
+use crate::still::TriadMean;
+
+/// Standard gravity, m/s² (CGPM 1901).
+pub(super) const STANDARD_GRAVITY: f64 = 9.80665;
+/// Gravity varies by so much over the Earth's surface: one standard deviation, relative.
+const GRAVITY_SPREAD: f64 = 0.0015;
+
+/// What the rests determine.
+#[derive(Clone, Debug)]
+pub(super) struct Solution {
+    pub(super) gravity: Gravity,
+    /// Or why not.
+    pub(super) accelerometer: Result<accelerometer::Fit, String>,
+    pub(super) gyroscope: Option<gyroscope::Fit>,
+    pub(super) secondary: Vec<Result<secondary::Fit, String>>,
+    /// Accepted placements, all faces together.
+    pub(super) placements: usize,
+    /// Of the gyroscope's bias.
+    pub(super) gyro_placements: usize,
+}
+
+/// The gravity to fit with.
+pub(super) fn gravity(config: &fit::Config) -> Gravity {
+    match config.gravity {
+        Some(value) => Gravity { value, std: 0.0 },
+        None => Gravity { value: STANDARD_GRAVITY, std: STANDARD_GRAVITY * GRAVITY_SPREAD },
+    }
+}
+
+/// Fits the primary accelerometer, or says why not.
+pub(super) fn accelerometer(
+    entries: &[Entry],
+    config: &fit::Config,
+    fixture: &Fixture,
+) -> Result<accelerometer::Fit, String> {
+    fit_accelerometer(&placements_on_faces(entries, fixture), config, fixture, gravity(config))
+}
+
+/// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
+pub(super) fn others(
+    entries: &[Entry],
+    config: &fit::Config,
+    fixture: &Fixture,
+    secondaries: usize,
+    accelerometer: Result<accelerometer::Fit, String>,
+) -> Solution {
+    let secondary = (0..secondaries).map(|i| fit_secondary(entries, i, config, accelerometer.as_ref().ok())).collect();
+    let rates = rates(entries);
+    Solution {
+        gravity: gravity(config),
+        placements: placements_on_faces(entries, fixture).len(),
+        accelerometer,
+        gyro_placements: rates.len(),
+        gyroscope: gyroscope::fit(&rates, config.rate_std),
+        secondary,
+    }
+}
+
+/// The accepted rests, those of one placement on one face as one observation.
+fn placements_on_faces(entries: &[Entry], fixture: &Fixture) -> Vec<(usize, accelerometer::Observation)> {
+    let mut groups: BTreeMap<(u32, usize), Vec<&TriadMean>> = BTreeMap::new();
+    for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
+        if let Some((face, _)) = entry.verdict.face {
+            groups.entry((entry.rest.placement, face)).or_default().push(&entry.rest.accelerometer);
+        }
+    }
+    groups
+        .into_iter()
+        .filter_map(|((_, face), means)| {
+            let normal = fixture.faces().get(face)?.normal;
+            let (mean, noise) = pooled(&means);
+            Some((face, accelerometer::Observation { mean, noise, normal }))
+        })
+        .collect()
+}
+
+fn fit_accelerometer(
+    seen: &[(usize, accelerometer::Observation)],
+    config: &fit::Config,
+    fixture: &Fixture,
+    gravity: Gravity,
+) -> Result<accelerometer::Fit, String> {
+    let missing: Vec<_> = fixture
+        .faces()
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| seen.iter().all(|(face, _)| face != i))
+        .map(|(_, face)| face.name.as_str())
+        .collect();
+    if !missing.is_empty() {
+        return Err(format!("not seen at rest: {}", missing.join(", ")));
+    }
+    let observations: Vec<_> = seen.iter().map(|(_, observation)| *observation).collect();
+    let given = Assumptions {
+        shape: Shape::DIAGONAL,
+        estimator: config.estimator,
+        gravity,
+        placement_std: config.placement_std,
+        bounds: &config.bounds,
+    };
+    let fit = accelerometer::fit(&observations, &given).map_err(|error| error.to_string())?;
+    if !fit.agrees() {
+        return Err(format!(
+            "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}",
+            fit.residual_rms, fit.residual_limit
+        ));
+    }
+    Ok(fit)
+}
+
+fn fit_secondary(
+    entries: &[Entry],
+    index: usize,
+    config: &fit::Config,
+    primary: Option<&accelerometer::Fit>,
+) -> Result<secondary::Fit, String> {
+    let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
+    let pairs: Vec<_> = entries
+        .iter()
+        .filter(|entry| matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted))
+        .filter_map(|entry| {
+            let (first, second) = (&entry.rest.accelerometer, entry.rest.secondary.get(index)?.as_ref()?);
+            Some(secondary::Pair {
+                primary: first.mean,
+                secondary: second.mean,
+                primary_noise: first.mean_variance(),
+                secondary_noise: second.mean_variance(),
+            })
+        })
+        .collect();
+    if pairs.is_empty() {
+        return Err("was silent during every rest: check its topic and its time stamps".to_owned());
+    }
+    secondary::fit(&pairs, primary, config.placement_std, &config.bounds).map_err(|error| error.to_string())
+}
+
+/// What the gyroscope read during each placement that is no turn.
+fn rates(entries: &[Entry]) -> Vec<gyroscope::Observation> {
+    let mut groups: BTreeMap<u32, Vec<&TriadMean>> = BTreeMap::new();
+    for entry in entries.iter().filter(|entry| matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted)) {
+        if let Some(gyroscope) = &entry.rest.gyroscope {
+            groups.entry(entry.rest.placement).or_default().push(gyroscope);
+        }
+    }
+    groups
+        .into_values()
+        .map(|means| {
+            let (mean, noise) = pooled(&means);
+            gyroscope::Observation { mean, noise }
+        })
+        .collect()
+}
+
+/// Mean of several means of one placement, by their effective samples, and its noise variance.
+fn pooled(means: &[&TriadMean]) -> (Vector3<f64>, Vector3<f64>) {
+    let total: f64 = means.iter().map(|mean| mean.effective).sum();
+    let share = |mean: &TriadMean| mean.effective / total.max(f64::MIN_POSITIVE);
+    let mean = means.iter().map(|mean| mean.mean * share(mean)).sum();
+    let noise = means.iter().map(|mean| mean.mean_variance() * share(mean) * share(mean)).sum();
+    (mean, noise)
+}

@@ -1,0 +1,106 @@
+//! What people are told.
+
+use super::solve::Solution;
+use crate::fit::Shape;
+use crate::fit::accelerometer::Gravity;
+use crate::messages::foxglove::log::Level;
+use crate::messages::triad::Status;
+use crate::messages::{Calibration, Face, Segment, Triad, Vector3};
+use crate::still::{self, Segmenter, State};
+
+/// The operator's next step.
+pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status: Status) -> String {
+    let missing: Vec<_> = faces.iter().filter(|face| face.placements == 0).map(|face| face.name.as_str()).collect();
+    match (missing.as_slice(), &solution.accelerometer, status) {
+        ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
+            format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
+        }
+        ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for two seconds"),
+        ([first, ..], _, _) => format!(
+            "still to see: {}. Turn the sensor so that {first} points up and let it rest for two seconds",
+            missing.join(", ")
+        ),
+        ([], Err(why), _) => format!("no calibration: {why}. Repeat the six faces on a flat, firm surface"),
+        ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
+        ([], Ok(fit), _) if fit.chi2_per_dof.is_some() && solution.placements >= faces.len() + 3 => {
+            "repeated placements disagree: place every face once more on a flat, firm surface".to_owned()
+        }
+        ([], Ok(_), _) => match (faces.len() + 3).saturating_sub(solution.placements) {
+            1 => "place any face once more, so that repeats can confirm the calibration".to_owned(),
+            repeats => format!("place any {repeats} faces once more, so that repeats can confirm the calibration"),
+        },
+    }
+}
+
+/// A rest that did not enter the fit.
+pub(super) fn rejection(segment: &Segment) -> String {
+    let time = |stamp: Option<&prost_types::Timestamp>| {
+        stamp.map_or(0.0, |stamp| stamp.seconds as f64 + f64::from(stamp.nanos) * 1e-9)
+    };
+    let start = time(segment.start.as_ref());
+    format!(
+        "rest of {:.1} s at {start:.2} rejected ({}): {}",
+        time(segment.end.as_ref()) - start,
+        segment.reason().as_str_name(),
+        segment.explanation
+    )
+}
+
+/// A calibration that was published.
+pub(super) fn published(calibration: &Calibration) -> String {
+    let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
+    let parts: Vec<_> = triads.filter(|triad| triad.status() != Status::Undetermined).map(triad).collect();
+    format!("calibration {} from {} rests: {}", calibration.revision, calibration.segments, parts.join("; "))
+}
+
+/// What is left to say at the end.
+pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config) -> Vec<(Level, String)> {
+    let status = segmenter.status();
+    let mut said = Vec::new();
+    if found == 0 && status.state == State::Unknown {
+        let level = |floor: Option<f64>| floor.map_or_else(|| "?".to_owned(), |f| format!("{:.3}", f / 3_f64.sqrt()));
+        said.push((
+            Level::Warning,
+            format!(
+                "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the \
+                 sensor rest, or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
+                level(status.accel_floor),
+                level(status.gyro_floor),
+                config.accel_ceiling,
+                config.gyro_ceiling
+            ),
+        ));
+    }
+    if segmenter.dropped() > 0 {
+        let text = format!("{} samples with repeated or backward stamps were dropped", segmenter.dropped());
+        said.push((Level::Warning, text));
+    }
+    if segmenter.breaks() > 0 {
+        let text = format!("the stamps jumped {} times; no rest was carried across", segmenter.breaks());
+        said.push((Level::Warning, text));
+    }
+    said
+}
+
+/// Parameters that the configuration's bounds hold back.
+pub(super) fn active_bounds(active: &[usize], shape: Shape) -> Vec<String> {
+    const AXES: [&str; 3] = ["x", "y", "z"];
+    let name = |i: usize| match shape.free().get(i.wrapping_sub(3)) {
+        None => format!("bias {}", AXES[i.min(2)]),
+        Some((row, column)) => format!("sensitivity {}{}", AXES[*row], AXES[*column]),
+    };
+    active.iter().map(|&i| format!("{} is held back by its bound: check fit.bounds", name(i))).collect()
+}
+
+/// Gravity is not known.
+pub(super) fn assumed_gravity(gravity: Gravity) -> String {
+    format!("gravity assumed {} ± {:.4} m/s²: set fit.gravity to sharpen the scale", gravity.value, gravity.std)
+}
+
+fn triad(triad: &Triad) -> String {
+    let status = triad.status().as_str_name().to_lowercase();
+    let vector =
+        |v: &Option<Vector3>| v.as_ref().map_or_else(String::new, |v| format!("{:.5} {:.5} {:.5}", v.x, v.y, v.z));
+    let scale = if triad.scale.is_some() { format!(", scale {}", vector(&triad.scale)) } else { String::new() };
+    format!("{} ({status}) bias {}{scale}", triad.sensor, vector(&triad.bias))
+}

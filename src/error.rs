@@ -1,0 +1,78 @@
+//! What makes a command fail, each in one line that says what, where, and the next step.
+//!
+//! Errors of the pure layers are wrapped here; exit codes are left to the program.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::config;
+
+/// Why a command, or its work on one recording, was given up.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The command line contradicts itself.
+    #[error("{0}")]
+    Usage(String),
+    /// The configuration is wrong.
+    #[error(transparent)]
+    Config(#[from] config::Error),
+    /// The system refused.
+    #[error("{}: cannot {doing}: {}", path.display(), Reason(source))]
+    Io {
+        /// What was attempted, as a verb.
+        doing: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The input cannot be worked on.
+    #[error("{}: {why}", path.display())]
+    Input {
+        /// Which.
+        path: PathBuf,
+        /// Why not, and what to do.
+        why: String,
+    },
+    /// The output exists and is something else.
+    #[error("{}: exists and is not the result of this input and configuration; choose another name or replace it with --force", .0.display())]
+    Exists(PathBuf),
+    /// Another process is writing the output.
+    #[error("{}: another stillpoint is writing this file; wait for it or choose another name", .0.display())]
+    Busy(PathBuf),
+    /// A signal asked to stop.
+    #[error("stopped on request; nothing was left behind")]
+    Stopped,
+}
+
+impl Error {
+    /// A refusal of the system, with what was attempted on which path.
+    pub fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Io { doing, path: path.to_owned(), source }
+    }
+
+    /// An input that cannot be worked on.
+    pub fn input(path: &Path, why: impl Into<String>) -> Self {
+        Self::Input { path: path.to_owned(), why: why.into() }
+    }
+}
+
+/// The commonest refusals with the next step.
+struct Reason<'a>(&'a io::Error);
+
+impl fmt::Display for Reason<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.0.kind() {
+            io::ErrorKind::NotFound => "no such file or folder",
+            io::ErrorKind::PermissionDenied => "permission denied; check its owner and mode, or use another folder",
+            io::ErrorKind::ReadOnlyFilesystem => "the file system is read-only; choose another folder with -o",
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                "no space left; free some or choose another disk with -o"
+            }
+            io::ErrorKind::FileTooLarge => "the file system or a limit allows no file of this size",
+            _ => return self.0.fmt(f),
+        })
+    }
+}

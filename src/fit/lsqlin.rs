@@ -1,0 +1,250 @@
+//! Bounded linear least squares: MATLAB's `lsqlin` with bounds alone, by the interior-point solver clarabel.
+//!
+//! The solver calls a singular problem solved and invents its values, so rank and optimality are checked here. It is
+//! asked only where a bound stands in the way: an unbounded minimiser that lies inside the bounds is the minimiser, and
+//! the singular value decomposition that the rank check needs anyway gives it to the last digit.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
+use nalgebra::{DMatrix, DVector};
+
+/// A minimiser.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// Where the objective is least.
+    pub x: DVector<f64>,
+    /// Condition number of the design, its columns scaled to unit length.
+    pub condition: f64,
+    /// Unknowns that stand at a bound which holds them back.
+    pub active: Vec<usize>,
+}
+
+/// Why there is none.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The equations do not determine the unknowns.
+    #[error("the equations do not determine the unknowns (condition number {0:.1e})")]
+    Singular(f64),
+    /// A lower bound is above its upper bound, or a value is not finite.
+    #[error("the bounds contradict each other, or a value is not finite")]
+    Invalid,
+    /// The solver gave up, or what it returned is no minimum.
+    #[error("the solver did not converge")]
+    NotConverged,
+}
+
+/// Beyond this, twelve of sixteen digits would be lost to the design alone.
+const MAX_CONDITION: f64 = 1e6;
+
+/// Minimises ‖a x − b‖² with `lower ≤ x ≤ upper`. Rows are to be weighted by the caller.
+///
+/// `a` is m × n with m ≥ n, `b` has m rows, the bounds have n; infinite bounds are no bounds.
+///
+/// # Errors
+/// See [`Error`].
+pub fn lsqlin(
+    a: &DMatrix<f64>,
+    b: &DVector<f64>,
+    lower: &DVector<f64>,
+    upper: &DVector<f64>,
+) -> Result<Solution, Error> {
+    let finite = a.iter().chain(b.iter()).all(|v| v.is_finite());
+    if !finite || lower.iter().zip(upper).any(|(l, u)| l.is_nan() || u.is_nan() || l > u) {
+        return Err(Error::Invalid);
+    }
+    // Columns of unit length and a residual of order one let one tolerance fit every problem.
+    let scale = DVector::from_iterator(a.ncols(), a.column_iter().map(|c| c.norm()));
+    if scale.iter().any(|s| *s <= 0.0) {
+        return Err(Error::Singular(f64::INFINITY));
+    }
+    let mut design = a.clone();
+    for (mut column, s) in design.column_iter_mut().zip(&scale) {
+        column /= *s;
+    }
+    let decomposition = design.clone().svd(true, true);
+    let condition = condition_of(&decomposition.singular_values, &design);
+    if !condition.is_finite() || condition > MAX_CONDITION {
+        return Err(Error::Singular(condition));
+    }
+    let magnitude = b.amax().max(f64::MIN_POSITIVE);
+    let target = b / magnitude;
+    let (low, high) = (lower.component_mul(&scale) / magnitude, upper.component_mul(&scale) / magnitude);
+
+    let free = decomposition.solve(&target, 0.0).map_err(|_| Error::NotConverged)?;
+    let inside = free.iter().zip(low.iter().zip(&high)).all(|(x, (l, u))| *l <= *x && *x <= *u);
+    let scaled = if inside {
+        free
+    } else {
+        polish(&design, &target, &low, &high, interior_point(&design, &target, &low, &high)?)?
+    };
+
+    let active = (0..scaled.len()).filter(|&i| scaled[i] <= low[i] || scaled[i] >= high[i]).collect();
+    Ok(Solution { x: scaled.component_div(&scale) * magnitude, condition, active })
+}
+
+/// Ratio of the largest to the smallest singular value.
+pub fn condition(design: &DMatrix<f64>) -> f64 {
+    condition_of(&design.singular_values(), design)
+}
+
+fn condition_of(singular_values: &DVector<f64>, design: &DMatrix<f64>) -> f64 {
+    if design.nrows() < design.ncols() { f64::INFINITY } else { singular_values.max() / singular_values.min() }
+}
+
+fn interior_point(
+    design: &DMatrix<f64>,
+    target: &DVector<f64>,
+    low: &DVector<f64>,
+    high: &DVector<f64>,
+) -> Result<DVector<f64>, Error> {
+    let n = design.ncols();
+    let hessian = design.transpose() * design;
+    let quadratic = CscMatrix::from(&rows(&hessian)).to_triu();
+    let linear: Vec<f64> = (-(design.transpose() * target)).iter().copied().collect();
+    // A bound that far from a solution of order one is none, and would only spoil the scaling.
+    const FAR: f64 = 1e3;
+    // x ≤ high and −x ≤ −low, one row each where there is a bound.
+    let mut constraint = Vec::new();
+    let mut limit = Vec::new();
+    for i in 0..n {
+        for (sign, bound) in [(1.0, high[i]), (-1.0, -low[i])] {
+            if bound.abs() < FAR {
+                let mut row = vec![0.0; n];
+                row[i] = sign;
+                constraint.push(row);
+                limit.push(bound);
+            }
+        }
+    }
+    let cones = [NonnegativeConeT(limit.len())];
+    let constraint = if constraint.is_empty() { CscMatrix::zeros((0, n)) } else { CscMatrix::from(&constraint) };
+    let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
+    let mut solver =
+        DefaultSolver::new(&quadratic, &linear, &constraint, &limit, &cones, settings).map_err(|_| Error::Invalid)?;
+    solver.solve();
+    match solver.solution.status {
+        SolverStatus::Solved => Ok(DVector::from_vec(solver.solution.x.clone())),
+        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Err(Error::Invalid),
+        _ => Err(Error::NotConverged),
+    }
+}
+
+/// From the solver's answer to the exact minimiser: the bounds that it stands at are taken as equations, the rest is
+/// solved by decomposition, and the conditions of Karush, Kuhn and Tucker are checked; a bound with the wrong sign of
+/// the gradient is let go of.
+fn polish(
+    design: &DMatrix<f64>,
+    target: &DVector<f64>,
+    low: &DVector<f64>,
+    high: &DVector<f64>,
+    start: DVector<f64>,
+) -> Result<DVector<f64>, Error> {
+    const NEAR: f64 = 1e-5;
+    const GRADIENT: f64 = 1e-9;
+    let n = design.ncols();
+    let mut at: Vec<Option<f64>> = (0..n)
+        .map(|i| match start[i] {
+            x if x - low[i] < NEAR => Some(low[i]),
+            x if high[i] - x < NEAR => Some(high[i]),
+            _ => None,
+        })
+        .collect();
+    for _ in 0..3 * n {
+        let x = solve_with(design, target, &at)?;
+        if let Some(i) = (0..n).find(|&i| at[i].is_none() && (x[i] < low[i] || x[i] > high[i])) {
+            at[i] = Some(if x[i] < low[i] { low[i] } else { high[i] });
+            continue;
+        }
+        let gradient = design.transpose() * (design * &x - target);
+        // At a lower bound the objective must not fall inwards, that is, upwards.
+        let inward = |i: usize| if at[i] == Some(low[i]) { -gradient[i] } else { gradient[i] };
+        let wrong = |i: &usize| at[*i].is_some() && low[*i] < high[*i] && inward(*i) > GRADIENT;
+        match (0..n).filter(wrong).max_by(|&i, &j| inward(i).total_cmp(&inward(j))) {
+            Some(i) => at[i] = None,
+            None => return Ok(x),
+        }
+    }
+    Err(Error::NotConverged)
+}
+
+/// Least squares with some unknowns given.
+fn solve_with(design: &DMatrix<f64>, target: &DVector<f64>, given: &[Option<f64>]) -> Result<DVector<f64>, Error> {
+    let mut x = DVector::from_iterator(given.len(), given.iter().map(|g| g.unwrap_or(0.0)));
+    let free: Vec<usize> = (0..given.len()).filter(|&i| given[i].is_none()).collect();
+    if !free.is_empty() {
+        let rest = target - design * &x;
+        let solved = design.select_columns(&free).svd(true, true).solve(&rest, 0.0).map_err(|_| Error::NotConverged)?;
+        free.iter().zip(&solved).for_each(|(&i, value)| x[i] = *value);
+    }
+    Ok(x)
+}
+
+fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The minimiser by trying every combination of active bounds.
+    fn brute_force(a: &DMatrix<f64>, b: &DVector<f64>, low: &DVector<f64>, high: &DVector<f64>) -> DVector<f64> {
+        let n = a.ncols();
+        let mut best: Option<(f64, DVector<f64>)> = None;
+        for code in 0..3_usize.pow(n as u32) {
+            let given: Vec<_> =
+                (0..n).map(|i| [None, Some(low[i]), Some(high[i])][code / 3_usize.pow(i as u32) % 3]).collect();
+            let x = solve_with(a, b, &given).unwrap();
+            let feasible = (0..n).all(|i| x[i] >= low[i] - 1e-12 && x[i] <= high[i] + 1e-12);
+            let objective = (a * &x - b).norm_squared();
+            if feasible && best.as_ref().is_none_or(|(least, _)| objective < *least) {
+                best = Some((objective, x));
+            }
+        }
+        best.unwrap().1
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn agrees_with_every_combination_of_active_bounds(
+            a in proptest::collection::vec(-1.0..1.0, 10 * 4),
+            b in proptest::collection::vec(-3.0..3.0, 10),
+            low in proptest::collection::vec(-1.0..0.1, 4),
+            width in proptest::collection::vec(0.0..1.5, 4),
+        ) {
+            let (a, b) = (DMatrix::from_vec(10, 4, a), DVector::from_vec(b));
+            let low = DVector::from_vec(low);
+            let high = &low + DVector::from_vec(width);
+            prop_assume!(condition(&a) < 100.0);
+            let solution = lsqlin(&a, &b, &low, &high).unwrap();
+            let exact = brute_force(&a, &b, &low, &high);
+            prop_assert!((&solution.x - &exact).amax() < 1e-9, "{} {exact}", solution.x);
+        }
+    }
+
+    #[test]
+    fn a_singular_problem_is_refused() {
+        let a = DMatrix::from_row_slice(3, 2, &[1.0, 2.0, 2.0, 4.0, 3.0, 6.0]);
+        let wide = DVector::repeat(2, f64::INFINITY);
+        let result = lsqlin(&a, &DVector::from_vec(vec![1.0, 2.0, 3.0]), &-&wide, &wide);
+        assert!(matches!(result, Err(Error::Singular(_))), "{result:?}");
+    }
+
+    #[test]
+    fn contradicting_bounds_are_refused() {
+        let (a, b) = (DMatrix::identity(2, 2), DVector::zeros(2));
+        let result = lsqlin(&a, &b, &DVector::repeat(2, 1.0), &DVector::repeat(2, 0.0));
+        assert_eq!(result.unwrap_err(), Error::Invalid);
+    }
+
+    #[test]
+    fn an_active_bound_is_named() {
+        let (a, b) = (DMatrix::identity(2, 2), DVector::from_vec(vec![3.0, 0.5]));
+        let solution = lsqlin(&a, &b, &DVector::repeat(2, -1.0), &DVector::repeat(2, 1.0)).unwrap();
+        assert_eq!(solution.active, [0]);
+        assert!((solution.x - DVector::from_vec(vec![1.0, 0.5])).amax() < 1e-12);
+    }
+}

@@ -1,0 +1,115 @@
+//! The records inside a chunk: decompressed in memory that grows with what really comes out, and checked as a whole.
+//! What they say is left to [`Inventory`](super::Inventory).
+
+use std::io::Read;
+
+use zstd::stream::raw::{Decoder, InBuffer, Operation, OutBuffer};
+
+use super::records::ChunkHeader;
+
+/// Largest record that is held in memory, and largest chunk once decompressed, in bytes. More than any recorder
+/// writes, and little enough that a corrupt length does not exhaust a machine.
+pub(super) const LIMIT: u64 = 1 << 30;
+
+/// Decompresses chunks, one after the other, into one buffer.
+#[derive(Default)]
+pub(super) struct Inflate {
+    zstd: Option<Decoder<'static>>,
+    out: Vec<u8>,
+}
+
+impl Inflate {
+    /// The records of the chunk whose compressed bytes are `data`; `None` if they are `data` itself.
+    ///
+    /// Why they cannot be had is told in words.
+    pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Place, String> {
+        let size = usize::try_from(header.uncompressed_size)
+            .ok()
+            .filter(|_| header.uncompressed_size <= LIMIT)
+            .ok_or_else(|| format!("a chunk that claims {} uncompressed bytes", header.uncompressed_size))?;
+        let place = match header.compression {
+            "" => Place::Plain,
+            "zstd" => self.zstd(data, size).map(|()| Place::Inflated)?,
+            "lz4" => self.lz4(data, size).map(|()| Place::Inflated)?,
+            other => return Err(format!("a chunk of unknown compression `{other}`")),
+        };
+        let records = self.records(place, data);
+        if records.len() != size {
+            return Err(format!("a chunk of {} uncompressed bytes that claims {size}", records.len()));
+        }
+        let crc = header.uncompressed_crc;
+        if crc != 0 && crc32fast::hash(records) != crc {
+            return Err("a chunk whose CRC does not hold".to_owned());
+        }
+        Ok(place)
+    }
+
+    /// The records that [`Inflate::open`] found at `place`.
+    pub(super) fn records<'a>(&'a self, place: Place, data: &'a [u8]) -> &'a [u8] {
+        match place {
+            Place::Plain => data,
+            Place::Inflated => &self.out,
+        }
+    }
+
+    fn zstd(&mut self, data: &[u8], size: usize) -> Result<(), String> {
+        let decoder = match &mut self.zstd {
+            Some(decoder) => decoder,
+            none => none.insert(Decoder::new().map_err(corrupt)?),
+        };
+        decoder.reinit().map_err(corrupt)?;
+        self.out.clear();
+        let mut input = InBuffer::around(data);
+        while self.out.len() < size {
+            reserve(&mut self.out, size, data.len());
+            let before = (input.pos(), self.out.len());
+            let mut output = OutBuffer::around_pos(&mut self.out, before.1);
+            decoder.run(&mut input, &mut output).map_err(corrupt)?;
+            if (input.pos(), self.out.len()) == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
+        let (mut rest, mut filled) = (data, 0);
+        self.out.clear();
+        while filled < size && !rest.is_empty() {
+            let mut frame = lz4::Decoder::new(&mut rest).map_err(corrupt)?;
+            while filled < size {
+                if filled == self.out.len() {
+                    reserve(&mut self.out, size, data.len());
+                    self.out.resize(self.out.capacity().min(size), 0);
+                }
+                match frame.read(self.out.get_mut(filled..).unwrap_or_default()).map_err(corrupt)? {
+                    0 => break,
+                    read => filled += read,
+                }
+            }
+        }
+        self.out.truncate(filled);
+        Ok(())
+    }
+}
+
+/// Where the records of a chunk are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// In the recording itself.
+    Plain,
+    /// In the buffer of [`Inflate`].
+    Inflated,
+}
+
+/// Makes room in steps that real compression ratios justify, never beyond `size`.
+fn reserve(out: &mut Vec<u8>, size: usize, compressed: usize) {
+    if out.capacity() == out.len() {
+        let step = out.len().max(compressed.saturating_mul(8)).max(1 << 16);
+        out.reserve_exact(step.min(size - out.len()));
+    }
+}
+
+fn corrupt(cause: std::io::Error) -> String {
+    format!("a chunk that cannot be decompressed ({cause})")
+}

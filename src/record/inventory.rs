@@ -1,0 +1,154 @@
+//! What a scan found in a recording, as far as folding needs it.
+//! Finding it is left to [`Scan`](super::Scan), using it to [`Fold`](super::Fold).
+
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
+
+use serde::{Deserialize, Serialize};
+
+use super::records::Header;
+use super::summary::Summary;
+use super::survey::Survey;
+use super::{Channel, Schema};
+
+/// The contents of a recording: what is whole in it, where, and how much of it there is.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Inventory {
+    pub(super) summary: Summary,
+    pub(super) header: Option<Header>,
+    /// Through the last whole record before DataEnd.
+    pub(super) prefix: u64,
+    /// From the DataEnd record, if there is one.
+    pub(super) data_crc: Option<u32>,
+    pub(super) damage: u64,
+    pub(super) finished: bool,
+    pub(super) loose: bool,
+    /// Channels that message indexes mention: the ids of a damaged chunk are taken although its records are lost.
+    pub(super) mentioned: BTreeSet<u16>,
+    pub(super) summary_only: SummaryOnly,
+}
+
+/// Ids that only the summary section defines.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct SummaryOnly {
+    pub(super) schemas: Vec<u16>,
+    pub(super) channels: Vec<u16>,
+}
+
+/// What became of a schema or channel record.
+pub(super) enum Learned {
+    New,
+    Known,
+    /// Another record with its id says otherwise.
+    Contradicted,
+}
+
+impl Inventory {
+    /// The profile in the recording's header: `ros2`, for instance. Empty if it states none.
+    pub fn profile(&self) -> &str {
+        self.header.as_ref().map_or("", |header| &header.profile)
+    }
+
+    /// The program that wrote the recording, by its header.
+    pub fn library(&self) -> &str {
+        self.header.as_ref().map_or("", |header| &header.library)
+    }
+
+    /// All schemas, by id.
+    pub fn schemas(&self) -> &BTreeMap<u16, Schema> {
+        &self.summary.schemas
+    }
+
+    /// All channels, by id.
+    pub fn channels(&self) -> &BTreeMap<u16, Channel> {
+        &self.summary.channels
+    }
+
+    /// Number of messages on a channel.
+    pub fn messages(&self, channel: u16) -> u64 {
+        self.summary.counts.get(&channel).copied().unwrap_or_default()
+    }
+
+    /// First and last log time, in nanoseconds; `None` without messages.
+    pub fn span(&self) -> Option<(u64, u64)> {
+        self.summary.span
+    }
+
+    /// Length in bytes of what an annotated recording copies: through the last whole record before DataEnd.
+    pub fn prefix(&self) -> u64 {
+        self.prefix
+    }
+
+    /// Number of damages found.
+    pub fn damage(&self) -> u64 {
+        self.damage
+    }
+
+    /// Whether the recorder finished the recording: its footer and closing magic are there.
+    pub fn is_finished(&self) -> bool {
+        self.finished
+    }
+
+    /// Whether messages stand outside of chunks.
+    pub fn has_loose_messages(&self) -> bool {
+        self.loose
+    }
+
+    /// Whether the recording was cut off behind its magic.
+    pub(super) fn is_bare(&self) -> bool {
+        self.header.is_none() && self.prefix == mcap::MAGIC.len() as u64
+    }
+
+    /// Adds stand-ins for schemas and channels that are used although their records are lost: readers refuse to open a
+    /// recording whose index leads to them otherwise.
+    pub(super) fn complete(&mut self) {
+        let Summary { schemas, channels, counts, .. } = &mut self.summary;
+        for &id in counts.keys().filter(|id| !channels.contains_key(id)).collect::<Vec<_>>() {
+            let topic = format!("unknown channel {id}");
+            let (message_encoding, metadata) = (String::new(), BTreeMap::new());
+            channels.insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata });
+            self.summary_only.channels.push(id);
+        }
+        for id in channels.values().map(|channel| channel.schema_id).filter(|&id| id != 0) {
+            if let Entry::Vacant(lost) = schemas.entry(id) {
+                let name = format!("unknown schema {id}");
+                lost.insert(Schema { id, name, encoding: String::new(), data: Vec::new() });
+                self.summary_only.schemas.push(id);
+            }
+        }
+    }
+
+    /// The CRC of the prefix, where the recorder computed one and nothing contradicts it.
+    pub(super) fn prefix_crc(&self) -> Option<u32> {
+        self.data_crc.filter(|&crc| crc != 0 && self.damage == 0)
+    }
+
+    /// Notes the messages that a survey found.
+    pub(super) fn count(&mut self, survey: &Survey) {
+        for &(channel, count) in &survey.counts {
+            self.summary.count(channel, count);
+        }
+        if let Some(span) = survey.span {
+            self.summary.cover(span);
+        }
+    }
+
+    pub(super) fn learn_schema(&mut self, schema: Schema) -> Learned {
+        learn(&mut self.summary.schemas, schema.id, schema)
+    }
+
+    pub(super) fn learn_channel(&mut self, channel: Channel) -> Learned {
+        learn(&mut self.summary.channels, channel.id, channel)
+    }
+}
+
+fn learn<T: PartialEq>(known: &mut BTreeMap<u16, T>, id: u16, record: T) -> Learned {
+    match known.get(&id) {
+        None => {
+            known.insert(id, record);
+            Learned::New
+        }
+        Some(before) if *before == record => Learned::Known,
+        Some(_) => Learned::Contradicted,
+    }
+}

@@ -1,0 +1,333 @@
+//! Telling what Stillpoint wrote from what others did, and the original inside an annotated recording.
+//! Having the bytes at hand is left to the shell, which lends them as [`ReadAt`].
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::ops::Range;
+
+use mcap::MAGIC;
+
+use super::fold::{LIBRARY, METADATA, PREFIX, TAIL};
+use super::horizon::{Extent, Frame, Horizon, Stop};
+use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
+use super::wire::{FRAME, Fields, op};
+use super::{Channel, Error, Inventory};
+
+/// Largest header or metadata record that can be ours, in bytes.
+const LIMIT: u64 = 1 << 24;
+/// How much is read at a time, in bytes.
+const BLOCK: u64 = 1 << 16;
+/// Of a footer record and the magic behind it.
+const CLOSING: u64 = FRAME as u64 + 20 + 8;
+/// Of a DataEnd record.
+const DATA_END: u64 = FRAME as u64 + 4;
+
+/// Something whose bytes can be read anywhere.
+pub trait ReadAt {
+    /// Fills `buffer` from byte `offset` on.
+    ///
+    /// # Errors
+    /// If the bytes are not there or cannot be read.
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()>;
+}
+
+impl ReadAt for &[u8] {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        let start = usize::try_from(offset).unwrap_or(usize::MAX);
+        let bytes = self.get(start..).and_then(|rest| rest.get(..buffer.len()));
+        buffer.copy_from_slice(bytes.ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    }
+}
+
+/// Who wrote a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Somebody else; the file is an original.
+    Recording,
+    /// We did, and nobody touched it since.
+    Annotated {
+        /// The recording that was annotated.
+        original: Original,
+        /// What determined the annotations.
+        settings: BTreeMap<String, String>,
+    },
+    /// We did: annotations alone.
+    Sidecar {
+        /// What determined the annotations.
+        settings: BTreeMap<String, String>,
+    },
+    /// We did, but then another program copied, filtered or extended it; the original can no longer be told.
+    Edited {
+        /// What does not fit.
+        why: &'static str,
+    },
+}
+
+/// A recording within a file: all of it, or the original inside an annotated recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Original {
+    prefix: u64,
+    tail: Range<u64>,
+}
+
+impl Original {
+    /// A file that is a recording itself.
+    pub fn whole(length: u64) -> Self {
+        Self { prefix: length, tail: 0..0 }
+    }
+
+    /// Length of the recording in bytes.
+    pub fn length(&self) -> u64 {
+        self.prefix + (self.tail.end - self.tail.start)
+    }
+
+    /// Where in the file a range of the recording is: one behind the other, these ranges of the file.
+    pub fn pieces(&self, range: Range<u64>) -> impl Iterator<Item = Range<u64>> + use<> {
+        let front = range.start.min(self.prefix)..range.end.min(self.prefix);
+        let place = |offset: u64| self.tail.start + offset.clamp(self.prefix, self.length()) - self.prefix;
+        let back = place(range.start)..place(range.end);
+        [front, back].into_iter().filter(|range| range.start < range.end)
+    }
+}
+
+/// Looks at the end of a file for traces of our own. A file without a whole summary section counts as a recording,
+/// until [`recognise_scanned`] finds more.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<Kind, Error> {
+    match Traces::of_summary(file, length)? {
+        Some(traces) => traces.judge(file),
+        None => Ok(Kind::Recording),
+    }
+}
+
+/// Looks for traces of our own in what a scan found, for files that lost their end.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn recognise_scanned(file: &mut impl ReadAt, inventory: &Inventory) -> Result<Kind, Error> {
+    Traces::of_inventory(inventory).judge(file)
+}
+
+/// What a file says about itself, as far as it tells who wrote it.
+#[derive(Default)]
+struct Traces {
+    attachments: Vec<AttachmentIndex>,
+    metadata: Vec<MetadataIndex>,
+    /// Channels of our topics.
+    ours: BTreeSet<u16>,
+    /// The last chunk that holds messages of others.
+    last_foreign_chunk: u64,
+    /// Where the data section ends.
+    data_end: u64,
+}
+
+impl Traces {
+    fn of_summary(file: &mut impl ReadAt, length: u64) -> Result<Option<Self>, Error> {
+        let Some(footer) = length.checked_sub(CLOSING) else { return Ok(None) };
+        let closing = read(file, footer..length)?;
+        let mut fields = Fields(&closing);
+        let is_footer = fields.u8() == Some(op::FOOTER) && fields.u64() == Some(20) && closing.ends_with(MAGIC);
+        let start = fields.u64().filter(|&start| is_footer && start >= DATA_END && start <= footer);
+        let Some(start) = start else { return Ok(None) };
+
+        let mut traces = Self { data_end: start - DATA_END, ..Self::default() };
+        let mut walk = Walk::new(start..footer);
+        while let Some(frame) = walk.next(file)? {
+            if frame.length <= LIMIT {
+                let body = walk.body(file, frame, LIMIT)?;
+                traces.note(frame.opcode, body);
+            }
+        }
+        Ok(Some(traces))
+    }
+
+    fn of_inventory(inventory: &Inventory) -> Self {
+        let mut traces = Self {
+            attachments: inventory.summary.attachments.clone(),
+            metadata: inventory.summary.metadata.clone(),
+            data_end: inventory.prefix(),
+            ..Self::default()
+        };
+        inventory.channels().values().for_each(|channel| traces.note_channel(channel));
+        let mut chunks = Fields(inventory.summary.chunk_indexes());
+        while let Some((opcode, body)) = chunks.record() {
+            traces.note(opcode, body);
+        }
+        traces
+    }
+
+    fn note(&mut self, opcode: u8, body: &[u8]) {
+        match opcode {
+            op::CHANNEL => Channel::parse(body).iter().for_each(|channel| self.note_channel(channel)),
+            op::ATTACHMENT_INDEX => self.attachments.extend(AttachmentIndex::parse(body)),
+            op::METADATA_INDEX => self.metadata.extend(MetadataIndex::parse(body)),
+            op::CHUNK_INDEX => {
+                if let Some(chunk) = ChunkIndex::parse(body)
+                    && chunk.message_indexes.keys().any(|channel| !self.ours.contains(channel))
+                {
+                    self.last_foreign_chunk = self.last_foreign_chunk.max(chunk.offset);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn note_channel(&mut self, channel: &Channel) {
+        if channel.topic.contains("/stillpoint/") {
+            self.ours.insert(channel.id);
+        }
+    }
+
+    fn judge(&self, file: &mut impl ReadAt) -> Result<Kind, Error> {
+        let last = |name: &str| {
+            let named = self.metadata.iter().filter(|entry| entry.name == name);
+            named.max_by_key(|entry| entry.offset)
+        };
+        let kept = self.attachments.iter().filter(|entry| entry.name == TAIL).max_by_key(|entry| entry.offset);
+        let (kept, metadata) = match (kept, last(METADATA)) {
+            (None, None) => return Ok(Kind::Recording),
+            (Some(_), None) => return edited("the metadata that belongs to the kept tail is missing"),
+            (kept, Some(metadata)) => (kept, metadata),
+        };
+        let Some(mut settings) = read_settings(file, metadata)? else {
+            return edited("the metadata is not where the index says");
+        };
+        let Some(kept) = kept else {
+            return match is_sidecar(file)? {
+                true => Ok(Kind::Sidecar { settings }),
+                false => edited("the original's tail is missing"),
+            };
+        };
+        let prefix = settings.remove(PREFIX).and_then(|prefix| prefix.parse::<u64>().ok());
+        // In front of the tail stands the prefix, or a header of ours where the original was cut off behind its magic.
+        let Some(prefix) = prefix.filter(|&prefix| prefix == kept.offset || prefix == MAGIC.len() as u64) else {
+            return edited("the original's bytes are not where they were");
+        };
+        let tail_end = kept.offset.saturating_add(kept.length);
+        let Some(tail_start) = tail_end.saturating_sub(4).checked_sub(kept.data_size) else {
+            return edited("the kept tail is malformed");
+        };
+        if metadata.offset != tail_end || tail_start < kept.offset {
+            return edited("the kept tail is not where it was");
+        }
+        let annotations = tail_end + metadata.length..self.data_end;
+        if self.last_foreign_chunk > tail_end || !self.are_ours(file, annotations)? {
+            return edited("something was added behind the annotations");
+        }
+        let original = Original { prefix, tail: tail_start..tail_end - 4 };
+        Ok(Kind::Annotated { original, settings })
+    }
+
+    /// Whether a fold can have written these records.
+    fn are_ours(&self, file: &mut impl ReadAt, range: Range<u64>) -> Result<bool, Error> {
+        let end = range.end;
+        let mut walk = Walk::new(range);
+        while let Some(frame) = walk.next(file)? {
+            let ours = match frame.opcode {
+                op::SCHEMA | op::CHANNEL | op::CHUNK | op::MESSAGE_INDEX => true,
+                op::MESSAGE => {
+                    Fields(walk.body(file, frame, 2)?).u16().is_some_and(|channel| self.ours.contains(&channel))
+                }
+                _ => false,
+            };
+            if !ours {
+                return Ok(false);
+            }
+        }
+        Ok(walk.offset() == end)
+    }
+}
+
+fn edited(why: &'static str) -> Result<Kind, Error> {
+    Ok(Kind::Edited { why })
+}
+
+fn read_settings(file: &mut impl ReadAt, index: &MetadataIndex) -> Result<Option<BTreeMap<String, String>>, Error> {
+    let end = index.offset.checked_add(index.length).filter(|_| index.length <= LIMIT);
+    let Some(end) = end else { return Ok(None) };
+    let Ok(bytes) = read(file, index.offset..end) else { return Ok(None) };
+    let body = Fields(&bytes).record().filter(|&(opcode, _)| opcode == op::METADATA);
+    let parsed = body.and_then(|(_, body)| parse_metadata(body));
+    Ok(parsed.filter(|(name, _)| name == METADATA).map(|(_, settings)| settings))
+}
+
+fn is_sidecar(file: &mut impl ReadAt) -> Result<bool, Error> {
+    let start = MAGIC.len() as u64;
+    let head = read(file, start..start + FRAME as u64)?;
+    let mut fields = Fields(&head);
+    let (Some(op::HEADER), Some(length)) = (fields.u8(), fields.u64().filter(|&length| length <= LIMIT)) else {
+        return Ok(false);
+    };
+    let start = start + FRAME as u64;
+    let header = Header::parse(&read(file, start..start + length)?);
+    Ok(header.is_some_and(|header| header.library.starts_with(LIBRARY)))
+}
+
+fn read(file: &mut impl ReadAt, range: Range<u64>) -> Result<Vec<u8>, Error> {
+    let mut bytes = vec![0; (range.end - range.start) as usize];
+    file.read_at(range.start, &mut bytes).map_err(|cause| Error::Read { offset: range.start, cause })?;
+    Ok(bytes)
+}
+
+/// A walk over the records of a part of a file.
+struct Walk {
+    horizon: Horizon,
+    /// Length of the record that was given last.
+    passed: u64,
+    end: u64,
+}
+
+impl Walk {
+    fn new(range: Range<u64>) -> Self {
+        let mut horizon = Horizon::default();
+        horizon.set_extent(Extent { length: range.end, finished: true });
+        horizon.skip(range.start);
+        Self { horizon, passed: 0, end: range.end }
+    }
+
+    /// The next record, if a whole one follows.
+    fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Frame>, Error> {
+        self.horizon.skip(self.passed);
+        self.passed = 0;
+        loop {
+            match self.horizon.frame() {
+                Ok(frame) => {
+                    self.passed = frame.end() - frame.offset;
+                    return Ok(Some(frame));
+                }
+                Err(stop) => {
+                    if !self.fill(file, stop)? {
+                        return Ok(None);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The first `most` bytes of the record that was given last.
+    fn body(&mut self, file: &mut impl ReadAt, frame: Frame, most: u64) -> Result<&[u8], Error> {
+        while let Err(stop) = self.horizon.body(frame, most) {
+            if !self.fill(file, stop)? {
+                return Ok(&[]);
+            }
+        }
+        Ok(self.horizon.body(frame, most).unwrap_or_default())
+    }
+
+    /// Behind the records given.
+    fn offset(&self) -> u64 {
+        self.horizon.offset() + self.passed
+    }
+
+    fn fill(&mut self, file: &mut impl ReadAt, stop: Stop) -> Result<bool, Error> {
+        let Stop::Read { offset, length } = stop else { return Ok(false) };
+        let length = (length as u64).max(BLOCK).min(self.end - offset) as usize;
+        let cause = |cause| Error::Read { offset, cause };
+        file.read_at(offset, self.horizon.insert(length)).map_err(cause)?;
+        self.horizon.notify_read(length);
+        Ok(true)
+    }
+}

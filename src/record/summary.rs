@@ -1,0 +1,142 @@
+//! What a recording's data section holds, collected record by record, and the summary section that says so.
+//! What is collected is left to [`Inventory`](super::Inventory) for an original and [`Emitter`](super::emitter) for
+//! annotations.
+
+use std::collections::BTreeMap;
+
+use mcap::MAGIC;
+use serde::{Deserialize, Serialize};
+
+use super::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
+use super::wire::{Put, op, record};
+use super::{Channel, Schema};
+
+/// The contents of a data section.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Summary {
+    pub(super) schemas: BTreeMap<u16, Schema>,
+    pub(super) channels: BTreeMap<u16, Channel>,
+    /// Messages of each channel that has any.
+    pub(super) counts: BTreeMap<u16, u64>,
+    /// First and last log time.
+    pub(super) span: Option<(u64, u64)>,
+    chunks: u32,
+    /// Encoded, in file order: a long recording has many.
+    chunk_indexes: Vec<u8>,
+    pub(super) attachments: Vec<AttachmentIndex>,
+    pub(super) metadata: Vec<MetadataIndex>,
+    /// Records of the original's summary that MCAP does not define, encoded, by opcode.
+    pub(super) private: BTreeMap<u8, Vec<u8>>,
+}
+
+impl Summary {
+    /// Notes `count` messages of a channel.
+    pub(super) fn count(&mut self, channel: u16, count: u64) {
+        *self.counts.entry(channel).or_default() += count;
+    }
+
+    /// Notes log times.
+    pub(super) fn cover(&mut self, (from, until): (u64, u64)) {
+        self.span = Some(match self.span {
+            None => (from, until),
+            Some((start, end)) => (start.min(from), end.max(until)),
+        });
+    }
+
+    /// Notes a chunk.
+    pub(super) fn index(&mut self, chunk: &ChunkIndex) {
+        self.chunks += 1;
+        chunk.write(&mut self.chunk_indexes);
+    }
+
+    /// The indexes of the chunks noted, encoded.
+    pub(super) fn chunk_indexes(&self) -> &[u8] {
+        &self.chunk_indexes
+    }
+
+    /// Everything behind the DataEnd record, which ends at byte `start` of the file.
+    ///
+    /// Without `indexed`, chunks are counted but not indexed: readers that find an index look nowhere else.
+    pub(super) fn write(&self, start: u64, indexed: bool) -> Vec<u8> {
+        let mut groups = Groups { start, out: Vec::new(), offsets: Vec::new() };
+        groups.group(op::SCHEMA, |out| self.schemas.values().for_each(|schema| schema.write(out)));
+        groups.group(op::CHANNEL, |out| self.channels.values().for_each(|channel| channel.write(out)));
+        groups.group(op::STATISTICS, |out| self.write_statistics(out));
+        if indexed {
+            groups.group(op::CHUNK_INDEX, |out| out.put(&self.chunk_indexes));
+        }
+        groups.group(op::ATTACHMENT_INDEX, |out| self.attachments.iter().for_each(|entry| entry.write(out)));
+        groups.group(op::METADATA_INDEX, |out| self.metadata.iter().for_each(|entry| entry.write(out)));
+        for (&opcode, records) in &self.private {
+            groups.group(opcode, |out| out.put(records));
+        }
+        groups.close()
+    }
+
+    fn write_statistics(&self, out: &mut Vec<u8>) {
+        let (from, until) = self.span.unwrap_or_default();
+        record(out, op::STATISTICS, |out| {
+            out.put_u64(self.counts.values().sum());
+            out.put_u16(self.schemas.len() as u16);
+            out.put_u32(self.channels.len() as u32);
+            out.put_u32(self.attachments.len() as u32);
+            out.put_u32(self.metadata.len() as u32);
+            out.put_u32(self.chunks);
+            out.put_u64(from);
+            out.put_u64(until);
+            out.put_u32(10 * self.counts.len() as u32);
+            for (&channel, &count) in &self.counts {
+                out.put_u16(channel);
+                out.put_u64(count);
+            }
+        });
+    }
+}
+
+/// A summary section under construction: records grouped by opcode.
+struct Groups {
+    start: u64,
+    out: Vec<u8>,
+    /// Opcode, place and length of each group.
+    offsets: Vec<(u8, u64, u64)>,
+}
+
+impl Groups {
+    fn here(&self) -> u64 {
+        self.start + self.out.len() as u64
+    }
+
+    /// Adds a group; one without records leaves no trace.
+    fn group(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>)) {
+        let start = self.here();
+        fill(&mut self.out);
+        let length = self.here() - start;
+        if length > 0 {
+            self.offsets.push((opcode, start, length));
+        }
+    }
+
+    /// Adds the offsets of the groups, the footer and the magic.
+    fn close(mut self) -> Vec<u8> {
+        let offsets_start = self.here();
+        for (opcode, start, length) in self.offsets {
+            record(&mut self.out, op::SUMMARY_OFFSET, |out| {
+                out.put(&[opcode]);
+                out.put_u64(start);
+                out.put_u64(length);
+            });
+        }
+        record(&mut self.out, op::FOOTER, |out| {
+            out.put_u64(self.start);
+            out.put_u64(offsets_start);
+            out.put_u32(0);
+        });
+        // The CRC covers the footer, too, up to the CRC itself, so it can only now be filled in.
+        let crc_at = self.out.len() - 4;
+        let crc = self.out.get(..crc_at).map(crc32fast::hash).unwrap_or_default();
+        self.out.truncate(crc_at);
+        self.out.put_u32(crc);
+        self.out.put(MAGIC);
+        self.out
+    }
+}

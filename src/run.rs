@@ -1,0 +1,24 @@
+//! The shell: files, threads and signals live here and nowhere else.
+//!
+//! What the bytes mean is left to the layers beneath, which know none of these.
+
+mod batch;
+mod channels;
+mod findings;
+mod learn;
+mod output;
+mod partial;
+mod read_back;
+mod recording;
+mod stop;
+mod strip;
+
+pub use batch::{Options, Report, annotate, calibrate};
+pub use channels::{Channels, Use, channels};
+pub use findings::Findings;
+pub use output::Written;
+pub use partial::Partial;
+pub use read_back::findings;
+pub use recording::{Recording, Watch};
+pub use stop::Stop;
+pub use strip::strip;

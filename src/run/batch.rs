@@ -1,0 +1,195 @@
+//! The batch path: a finished recording in, an annotated recording or a sidecar out.
+//!
+//! What is learned and how it is encoded is left to the layers beneath; what is said about it to the commands.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use super::findings::Findings;
+use super::learn::{Learned, Learner};
+use super::output::{Output, Written};
+use super::recording::{Recording, Watch};
+use crate::Error;
+use crate::config::Config;
+use crate::imu::Verdict;
+use crate::record::{Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
+
+/// How to annotate.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Write the annotations alone.
+    pub sidecar: bool,
+    /// Replace an output that exists.
+    pub force: bool,
+    /// Write a result even if no topic is an IMU.
+    pub allow_no_imu: bool,
+    /// Wait until the output is on the device.
+    pub sync: bool,
+}
+
+/// What was found in a recording.
+#[derive(Debug)]
+pub struct Report {
+    /// The IMUs, and what was learned of each.
+    pub imus: Vec<Findings>,
+    /// Every channel, and what it was used for.
+    pub channels: Vec<(Channel, Verdict)>,
+    /// What was refused or missed, one line each.
+    pub notes: Vec<String>,
+    /// What is wrong with the recording: the first hundred damages.
+    pub damage: Vec<Damage>,
+    /// How many damages there are.
+    pub damages: u64,
+    /// Messages in the recording.
+    pub messages: u64,
+}
+
+/// Annotates a recording into `output`.
+///
+/// # Errors
+///
+/// If the recording cannot be read, has no usable IMU topic, or the output cannot be written; nothing is left behind.
+pub fn annotate(
+    recording: &Recording,
+    output: &Path,
+    config: &Config,
+    options: Options,
+    watch: Watch<'_>,
+) -> Result<(Report, Written), Error> {
+    let settings = settings(config);
+    let mut output = Output::open(output, options.force)?;
+    let abandon = AtomicBool::new(false);
+    let (inventory, learned) = thread::scope(|scope| {
+        let copying = (!options.sidecar).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
+        let learned = learn(recording, config, options.allow_no_imu, watch);
+        abandon.store(learned.is_err(), Ordering::Relaxed);
+        let copied =
+            copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        let learned = learned?;
+        copied.map(|()| learned)
+    })?;
+    let report = Report::new(&inventory, &learned);
+    let result = match options.sidecar {
+        true => write_sidecar(&mut output, recording, &inventory, &settings, &learned),
+        false => write_annotated(&mut output, recording, inventory, &settings, &learned, watch),
+    };
+    result?;
+    Ok((report, output.finish(options.sync)?))
+}
+
+/// Learns from a recording, and writes nothing.
+///
+/// # Errors
+///
+/// If the recording cannot be read or has no usable IMU topic.
+pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
+    let (inventory, learned) = learn(recording, config, false, watch)?;
+    Ok(Report::new(&inventory, &learned))
+}
+
+/// What determines the bytes of the annotations.
+fn settings(config: &Config) -> BTreeMap<String, String> {
+    BTreeMap::from([
+        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("configuration".to_owned(), config.canonical()),
+    ])
+}
+
+fn learn(
+    recording: &Recording,
+    config: &Config,
+    allow_no_imu: bool,
+    watch: Watch<'_>,
+) -> Result<(Inventory, Learned), Error> {
+    let mut learner = Learner::new(config);
+    let inventory = recording.scan(watch, |event| learner.take(event))?;
+    let learned = learner.finish();
+    if learned.imus.is_empty() && !allow_no_imu {
+        return Err(no_imu(recording.path(), &inventory, &learned.channels));
+    }
+    Ok((inventory, learned))
+}
+
+fn write_annotated(
+    output: &mut Output,
+    recording: &Recording,
+    inventory: Inventory,
+    settings: &BTreeMap<String, String>,
+    learned: &Learned,
+    watch: Watch<'_>,
+) -> Result<(), Error> {
+    let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
+    let tail = tail(recording, inventory.prefix(), watch)?;
+    let (mut fold, pieces) = Fold::open(inventory, tail, settings, &learned.topics).map_err(refused)?;
+    for piece in pieces {
+        match piece {
+            Piece::Original(range) if range.start == 0 => output.keep(range, recording)?,
+            piece => output.put(&piece, recording)?,
+        }
+    }
+    for block in &learned.blocks {
+        watch(recording.length())?;
+        output.put(&fold.block(&learned.topics, block).map_err(refused)?, recording)?;
+    }
+    output.put(&fold.close(), recording)
+}
+
+fn write_sidecar(
+    output: &mut Output,
+    recording: &Recording,
+    inventory: &Inventory,
+    settings: &BTreeMap<String, String>,
+    learned: &Learned,
+) -> Result<(), Error> {
+    let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
+    let (mut sidecar, head) = Sidecar::open(inventory.profile(), settings);
+    output.put(&Piece::Bytes(head), recording)?;
+    for block in &learned.blocks {
+        let bytes = sidecar.block(&learned.topics, block).map_err(refused)?;
+        output.put(&Piece::Bytes(bytes), recording)?;
+    }
+    output.put(&Piece::Bytes(sidecar.close()), recording)
+}
+
+/// What stands behind the prefix; a summary, mostly, but all that follows the damage in a damaged recording.
+fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Error> {
+    let length = recording.length().saturating_sub(prefix);
+    let mut crc = crc32fast::Hasher::new();
+    recording.read(prefix..recording.length(), watch, |bytes| crc.update(bytes))?;
+    Ok(Tail { length, crc: crc.finalize() })
+}
+
+impl Report {
+    fn new(inventory: &Inventory, learned: &Learned) -> Self {
+        Self {
+            imus: learned.imus.clone(),
+            channels: learned.channels.clone(),
+            notes: learned.notes.clone(),
+            damage: learned.damage.clone(),
+            damages: learned.damages,
+            messages: inventory.channels().keys().map(|&id| inventory.messages(id)).sum(),
+        }
+    }
+}
+
+/// The topics there are, and how to map one.
+fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -> Error {
+    const LISTED: usize = 8;
+    let kind = |channel: &Channel| {
+        let schema = inventory.schemas().get(&channel.schema_id);
+        schema.map_or(&*channel.message_encoding, |schema| &*schema.name).to_owned()
+    };
+    let mut topics: Vec<_> = channels.iter().map(|(c, _)| format!("{} ({})", c.topic, kind(c))).collect();
+    topics.sort();
+    let further = topics.len().saturating_sub(LISTED);
+    topics.truncate(LISTED);
+    let listed = match (topics.as_slice(), further) {
+        ([], _) => "it has no topics at all".to_owned(),
+        (topics, 0) => format!("it has {}", topics.join(", ")),
+        (topics, further) => format!("it has {} and {further} more", topics.join(", ")),
+    };
+    let example = r#"--set 'imu=[{topic="…", accel="…", gyro="…"}]'"#;
+    Error::input(path, format!("no usable IMU topic: {listed}; map one with {example} (see stillpoint topics)"))
+}

@@ -1,0 +1,203 @@
+//! A recording's messages through intake, engines and annotator: what they teach, and the annotations that say so.
+//!
+//! Reading the messages is left to [`Recording`](super::Recording), writing the annotations to [`annotate`](super::annotate()).
+
+use std::collections::BTreeMap;
+
+use super::findings::Findings;
+use crate::Stamp;
+use crate::annotate::Annotator;
+use crate::config::Config;
+use crate::engine::{self, Engine, Message};
+use crate::imu::{Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict};
+use crate::messages::foxglove::Log;
+use crate::messages::foxglove::log::Level;
+use crate::record::{Block, Channel, Damage, Event, Schema, Topic};
+
+/// Damages that are told one by one; of further ones only the number is kept.
+const DAMAGES: usize = 100;
+
+/// Learns from the events of a scan.
+pub(super) struct Learner<'a> {
+    config: &'a Config,
+    intake: Intake,
+    schemas: BTreeMap<u16, Schema>,
+    imus: Vec<Learning>,
+    annotator: Annotator,
+    blocks: Vec<Block>,
+    channels: Vec<(Channel, Verdict)>,
+    damage: Vec<Damage>,
+    damages: u64,
+    /// Of the last message.
+    log_time: u64,
+    samples: Vec<(ImuId, Sensor, Sample)>,
+    events: Vec<engine::Event>,
+}
+
+/// One IMU while it is learned.
+struct Learning {
+    engine: Engine,
+    findings: Findings,
+}
+
+/// What a recording taught.
+#[derive(Debug)]
+pub(super) struct Learned {
+    pub(super) imus: Vec<Findings>,
+    /// Every channel, and what it was used for.
+    pub(super) channels: Vec<(Channel, Verdict)>,
+    /// What was refused or missed, one line each.
+    pub(super) notes: Vec<String>,
+    /// The first ones.
+    pub(super) damage: Vec<Damage>,
+    pub(super) damages: u64,
+    pub(super) topics: Vec<Topic>,
+    pub(super) blocks: Vec<Block>,
+}
+
+impl<'a> Learner<'a> {
+    pub(super) fn new(config: &'a Config) -> Self {
+        Self {
+            config,
+            intake: Intake::new(&config.imu),
+            schemas: BTreeMap::new(),
+            imus: Vec::new(),
+            annotator: Annotator::new(config.output.encoding.in_profile("")),
+            blocks: Vec::new(),
+            channels: Vec::new(),
+            damage: Vec::new(),
+            damages: 0,
+            log_time: 0,
+            samples: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    pub(super) fn take(&mut self, event: Event<'_>) {
+        match event {
+            Event::Header { profile, .. } => {
+                self.annotator = Annotator::new(self.config.output.encoding.in_profile(profile));
+            }
+            Event::Schema(schema) => {
+                self.schemas.insert(schema.id, schema.clone());
+            }
+            Event::Channel(channel) => {
+                let verdict = self.intake.channel(channel, self.schemas.get(&channel.schema_id)).clone();
+                self.channels.push((channel.clone(), verdict));
+            }
+            Event::Message(message) => {
+                self.log_time = message.log_time;
+                if self.intake.wants(message.channel) {
+                    self.message(message.channel, message.log_time, message.data);
+                }
+            }
+            Event::ChunkEnd => {
+                let block = self.annotator.input_chunk_ended();
+                self.blocks.extend(block);
+            }
+            Event::Damage(damage) => {
+                self.log(Level::Warning, damage.to_string());
+                self.damages += 1;
+                if self.damage.len() < DAMAGES {
+                    self.damage.push(damage);
+                }
+            }
+            Event::Read { .. } | Event::Wait | Event::End => {}
+        }
+    }
+
+    /// The recording has ended.
+    pub(super) fn finish(mut self) -> Learned {
+        for i in 0..self.imus.len() {
+            if let Some(imu) = self.imus.get_mut(i) {
+                imu.engine.finish(&mut self.events);
+            }
+            self.publish(i);
+        }
+        let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
+        let notes = faults.chain(missing(&self.intake)).collect();
+        let last = self.annotator.finish();
+        self.blocks.extend(last);
+        Learned {
+            imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
+            channels: self.channels,
+            notes,
+            damage: self.damage,
+            damages: self.damages,
+            topics: self.annotator.topics().to_vec(),
+            blocks: self.blocks,
+        }
+    }
+
+    fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
+        let samples = &mut self.samples;
+        self.intake.message(channel, log_time, data, &mut |imu, sensor, sample| samples.push((imu, sensor, sample)));
+        for imu in self.intake.imus().iter().skip(self.imus.len()) {
+            let engine = Engine::new(engine_config(imu, self.config));
+            self.imus.push(Learning { engine, findings: Findings::new(&imu.name, &imu.topic) });
+        }
+        for notice in self.intake.take_notices() {
+            self.log(Level::Warning, notice.text);
+        }
+        for i in 0..self.samples.len() {
+            let Some(&(imu, sensor, sample)) = self.samples.get(i) else { break };
+            let imu = imu.index();
+            let Some(learning) = self.imus.get_mut(imu) else { continue };
+            learning.engine.push(sensor, &sample, &mut self.events);
+            if !self.events.is_empty() {
+                self.publish(imu);
+            }
+        }
+        self.samples.clear();
+    }
+
+    /// Annotates the events of an IMU.
+    fn publish(&mut self, imu: usize) {
+        let name = self.intake.imus().get(imu).map_or("", |imu| &imu.name);
+        for event in self.events.drain(..) {
+            self.blocks.extend(self.annotator.push(name, &event));
+            if let Some(learning) = self.imus.get_mut(imu) {
+                learning.findings.note(&event);
+            }
+        }
+    }
+
+    /// A line in the recording's log.
+    fn log(&mut self, level: Level, message: String) {
+        let timestamp = Some(Stamp::from_log_time(self.log_time).into());
+        let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
+        let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
+        self.blocks.extend(self.annotator.push("", &event));
+    }
+}
+
+/// What the configuration names and the recording lacks, one line each.
+pub(super) fn missing(intake: &Intake) -> Vec<String> {
+    let line = |missing: MissingTopic| {
+        let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
+        format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
+    };
+    intake.missing_topics().into_iter().map(line).collect()
+}
+
+fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
+    let topic = |sensor| imu.triads.iter().find(|t| t.sensor == sensor).map(|t| t.topic.clone()).unwrap_or_default();
+    let mut secondary = Vec::new();
+    for triad in &imu.triads {
+        if let Sensor::Secondary(i) = triad.sensor {
+            secondary.resize_with(secondary.len().max(i + 1), Default::default);
+            if let Some(place) = secondary.get_mut(i) {
+                *place = (triad.name.clone(), triad.topic.clone());
+            }
+        }
+    }
+    engine::Config {
+        name: imu.name.clone(),
+        frame_id: imu.frame_id.clone(),
+        accelerometer: topic(Sensor::Accelerometer),
+        gyroscope: topic(Sensor::Gyroscope),
+        secondary,
+        still: config.still.clone(),
+        fit: config.fit.clone(),
+    }
+}

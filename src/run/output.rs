@@ -1,0 +1,146 @@
+//! Where a result goes: into a new file, or nowhere, if there is a file that must already be the result.
+//!
+//! What the result consists of is left to [`record`](crate::record).
+
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::partial::Partial;
+use super::recording::{Recording, read_exact_at};
+use crate::Error;
+use crate::record::Piece;
+
+/// Large enough for the kernel, small enough to stop between two (64 MiB).
+const COPY: u64 = 64 << 20;
+
+/// Takes a result, piece by piece.
+pub(super) struct Output {
+    path: PathBuf,
+    medium: Medium,
+}
+
+enum Medium {
+    New(Partial),
+    /// What exists, and how far it equals the result.
+    Existing(File, u64),
+}
+
+/// What became of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Written {
+    /// It was written.
+    Now,
+    /// It existed, and is what would have been written.
+    Before,
+}
+
+impl Output {
+    /// The output of that name. One that exists is replaced with `force`, and compared without.
+    pub(super) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+        let medium = match std::fs::metadata(path) {
+            Ok(metadata) if metadata.is_dir() => {
+                return Err(Error::input(path, "is a folder; name a file with -o or use --out-dir"));
+            }
+            Ok(metadata) if !metadata.is_file() => return Err(Error::input(path, "is not a regular file")),
+            Ok(_) if !force => Medium::Existing(File::open(path).map_err(Error::io("read", path))?, 0),
+            _ => Medium::New(Partial::create(path)?),
+        };
+        Ok(Self { path: path.to_owned(), medium })
+    }
+
+    /// What exists under the name and would have to be the result.
+    pub(super) fn existing(&self) -> Option<&Path> {
+        matches!(self.medium, Medium::Existing(..)).then_some(&*self.path)
+    }
+
+    /// Copies the recording ahead of the pieces, since the result mostly begins with it. May run while another thread
+    /// reads the recording; `abandon` stops it.
+    pub(super) fn copy_ahead(&self, recording: &Recording, abandon: &AtomicBool) -> Result<(), Error> {
+        let Medium::New(partial) = &self.medium else { return Ok(()) };
+        let mut from = 0;
+        while from < recording.length() && !abandon.load(Ordering::Relaxed) {
+            let until = recording.length().min(from + COPY);
+            copy(recording, from..until, partial.file()).map_err(Error::io("write", &self.path))?;
+            from = until;
+        }
+        Ok(())
+    }
+
+    /// Takes the first piece, the beginning of the recording, which was [copied ahead](Self::copy_ahead).
+    pub(super) fn keep(&mut self, range: Range<u64>, recording: &Recording) -> Result<(), Error> {
+        match &self.medium {
+            Medium::New(partial) => {
+                let mut file = partial.file();
+                let cut = file.set_len(range.end).and_then(|()| file.seek(SeekFrom::Start(range.end)));
+                cut.map(|_| ()).map_err(Error::io("write", &self.path))
+            }
+            Medium::Existing(..) => self.put(&Piece::Original(range), recording),
+        }
+    }
+
+    /// Takes a piece of the result.
+    pub(super) fn put(&mut self, piece: &Piece, recording: &Recording) -> Result<(), Error> {
+        match (&mut self.medium, piece) {
+            (Medium::New(partial), Piece::Original(range)) => {
+                copy(recording, range.clone(), partial.file()).map_err(Error::io("write", &self.path))
+            }
+            (Medium::New(partial), Piece::Bytes(bytes)) => {
+                partial.file().write_all(bytes).map_err(Error::io("write", &self.path))
+            }
+            (Medium::Existing(file, equal), piece) => {
+                *equal = compare(file, *equal, piece, recording)?.ok_or_else(|| Error::Exists(self.path.clone()))?;
+                Ok(())
+            }
+        }
+    }
+
+    /// The result is complete.
+    pub(super) fn finish(self, sync: bool) -> Result<Written, Error> {
+        match self.medium {
+            Medium::New(partial) => partial.finish(sync).map(|()| Written::Now),
+            Medium::Existing(file, equal) if file.metadata().is_ok_and(|m| m.len() == equal) => Ok(Written::Before),
+            Medium::Existing(..) => Err(Error::Exists(self.path)),
+        }
+    }
+}
+
+/// Between two files the kernel copies by itself, or shares the blocks where the file system can.
+fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
+    let mut from = recording.file();
+    for part in recording.parts_of(range) {
+        from.seek(SeekFrom::Start(part.start))?;
+        let length = part.end - part.start;
+        if io::copy(&mut from.take(length), &mut to)? != length {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+    }
+    Ok(())
+}
+
+/// Where the next piece must stand if `piece` stands at `at`; `None` if it does not.
+fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
+    let equal = |at: u64, bytes: &[u8]| {
+        let mut found = vec![0; bytes.len()];
+        read_exact_at(file, &mut found, at).is_ok() && found == bytes
+    };
+    match piece {
+        Piece::Bytes(bytes) => Ok(equal(at, bytes).then_some(at + bytes.len() as u64)),
+        Piece::Original(range) => {
+            let mut from = range.start;
+            let mut buffer = vec![0; 1 << 20];
+            while from < range.end {
+                let length = (range.end - from).min(buffer.len() as u64) as usize;
+                let Some(bytes) = buffer.get_mut(..length) else { break };
+                recording.read_exact_at(bytes, from)?;
+                if !equal(at + (from - range.start), bytes) {
+                    return Ok(None);
+                }
+                from += length as u64;
+            }
+            Ok(Some(at + (range.end - range.start)))
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! Findings of a recording: read from its annotations where it has some, else learned. Nothing is fitted again.
+
+use std::collections::BTreeMap;
+
+use super::batch::calibrate;
+use super::findings::Findings;
+use super::recording::{Recording, Watch};
+use crate::Error;
+use crate::annotate;
+use crate::config::Config;
+use crate::engine;
+use crate::record::Event;
+
+/// What is known of the IMUs of a recording or sidecar.
+///
+/// # Errors
+///
+/// If it cannot be read, or has neither annotations nor a usable IMU topic.
+pub fn findings(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+    let read = read_annotations(recording, watch)?;
+    if read.is_empty() { Ok(calibrate(recording, config, watch)?.imus) } else { Ok(read) }
+}
+
+fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+    let mut schemas = BTreeMap::new();
+    let mut channels = BTreeMap::new();
+    let mut imus = Vec::<Findings>::new();
+    recording.scan(watch, |event| match event {
+        Event::Schema(schema) => {
+            schemas.insert(schema.id, schema.name.clone());
+        }
+        Event::Channel(channel) => {
+            let imu = channel.topic.split_once("/stillpoint/").map(|(imu, _)| imu).filter(|imu| !imu.is_empty());
+            if let (Some(imu), Some(schema)) = (imu, schemas.get(&channel.schema_id)) {
+                channels.insert(channel.id, (imu.to_owned(), schema.clone(), channel.message_encoding.clone()));
+            }
+        }
+        Event::Message(message) => {
+            let Some((name, schema, encoding)) = channels.get(&message.channel) else { return };
+            let said = match annotate::read(schema, encoding, message.data) {
+                Ok(said) => said,
+                Err(error) => return tracing::debug!("{name}: {error}"),
+            };
+            let known = imus.iter().position(|imu| imu.name == *name).unwrap_or_else(|| {
+                imus.push(Findings::new(name, name));
+                imus.len() - 1
+            });
+            if let Some(imu) = imus.get_mut(known) {
+                imu.note(&engine::Event { log_time: message.log_time, message: said });
+            }
+        }
+        _ => {}
+    })?;
+    for imu in &mut imus {
+        let accelerometer = imu.calibration.as_ref().and_then(|calibration| calibration.accelerometer.as_ref());
+        imu.topic = accelerometer.map_or_else(|| imu.name.clone(), |triad| triad.topic.clone());
+    }
+    Ok(imus)
+}

@@ -1,0 +1,81 @@
+//! Readings as messages, in each of the encodings, with their schemas. Which message goes where is left to `write`.
+
+mod own;
+mod ros;
+
+use nalgebra::Vector3;
+
+use super::Encoding;
+use crate::Stamp;
+
+/// Stamp and frame of a message.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Header<'a> {
+    /// Counts the messages of the topic, for ROS 1.
+    pub sequence: u32,
+    pub stamp: Stamp,
+    pub frame_id: &'a str,
+}
+
+/// What a message says.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Body {
+    /// Of an IMU: specific force and angular rate, of which one may be measured elsewhere.
+    Imu { accel: Option<Vector3<f64>>, gyro: Option<Vector3<f64>> },
+    /// Of a secondary accelerometer.
+    Vector(Vector3<f64>),
+}
+
+/// The type of a message.
+#[derive(Clone, Debug)]
+pub(super) struct Schema {
+    pub name: &'static str,
+    pub encoding: &'static str,
+    pub data: Vec<u8>,
+}
+
+/// Which of the two types.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Type {
+    Imu,
+    Vector,
+}
+
+impl Encoding {
+    /// Profile of recordings in this encoding.
+    pub(super) fn profile(self) -> &'static str {
+        match self {
+            Self::Ros2 => "ros2",
+            Self::Ros1 => "ros1",
+            Self::Protobuf | Self::Json => "",
+        }
+    }
+
+    /// The name that channels give it.
+    pub(super) fn message_encoding(self) -> &'static str {
+        match self {
+            Self::Ros2 => "cdr",
+            Self::Ros1 => "ros1",
+            Self::Protobuf => "protobuf",
+            Self::Json => "json",
+        }
+    }
+
+    pub(super) fn schema(self, of: Type) -> Schema {
+        match self {
+            Self::Ros2 => ros::ros2_schema(of),
+            Self::Ros1 => ros::ros1_schema(of),
+            Self::Protobuf => own::protobuf_schema(of),
+            Self::Json => own::json_schema(of),
+        }
+    }
+
+    pub(super) fn encode(self, header: Header<'_>, body: Body) -> Vec<u8> {
+        match self {
+            Self::Ros2 => ros::ros2(header, body),
+            Self::Ros1 => ros::ros1(header, body),
+            Self::Protobuf => own::protobuf(header, body),
+            Self::Json => own::json(header, body),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The readings of a session in the order of their stamps. How they are written is left to `write`.
+
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::sensor::Sensor;
+use super::trajectory::Trajectory;
+use super::validate::validate;
+use super::{Error, Scenario};
+use crate::{Stamp, imu};
+
+/// One reading of one sensor, and what there was to read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Which sensor; secondary ones count in the order of their names.
+    pub sensor: imu::Sensor,
+    /// When it was taken.
+    pub stamp: Stamp,
+    /// What it reads, in m/s² or rad/s.
+    pub measured: Vector3<f64>,
+    /// True specific force in the sensor's frame, in m/s².
+    pub force: Vector3<f64>,
+    /// True angular rate in the sensor's frame, in rad/s.
+    pub rate: Vector3<f64>,
+    /// The pose that it was taken in, none in motion.
+    pub pose: Option<usize>,
+}
+
+/// The readings of a session, see [`samples`].
+#[derive(Clone, Debug)]
+pub struct Samples {
+    start: Stamp,
+    pub(super) trajectory: Trajectory,
+    sensors: Vec<Sensor>,
+}
+
+/// The readings of a session by stamp; those of one instant in the order accelerometer, gyroscope, secondary.
+///
+/// # Errors
+/// If a value of the scenario cannot be simulated, with its key.
+pub fn samples(scenario: &Scenario) -> Result<Samples, Error> {
+    validate(scenario)?;
+    // Every source of randomness has a stream of its own: one more sensor does not change the noise of the others.
+    let stream = |stream: u64| {
+        let mut random = ChaCha8Rng::seed_from_u64(scenario.recording.seed);
+        random.set_stream(stream);
+        random
+    };
+    let gyroscope = scenario.gyroscope.iter().map(|triad| (imu::Sensor::Gyroscope, triad));
+    let secondary =
+        scenario.secondary.values().enumerate().map(|(index, triad)| (imu::Sensor::Secondary(index), triad));
+    let sensors = [(imu::Sensor::Accelerometer, &scenario.accelerometer)].into_iter().chain(gyroscope).chain(secondary);
+    let sensors = sensors.map(|(which, triad)| {
+        let own = match which {
+            imu::Sensor::Accelerometer => 2,
+            imu::Sensor::Gyroscope => 3,
+            imu::Sensor::Secondary(index) => 4 + index as u64,
+        };
+        Sensor::new(which, triad, scenario, stream(own))
+    });
+    Ok(Samples {
+        start: Stamp::from_nanos(i64::from(scenario.recording.start_s) * 1_000_000_000),
+        trajectory: Trajectory::new(scenario, &mut stream(0), &mut stream(1)),
+        sensors: sensors.collect(),
+    })
+}
+
+impl Iterator for Samples {
+    type Item = Reading;
+
+    fn next(&mut self) -> Option<Reading> {
+        let sensor = self.sensors.iter_mut().min_by_key(|sensor| sensor.next())?;
+        let nanos = sensor.next();
+        let state = self.trajectory.at(nanos)?;
+        Some(Reading {
+            sensor: sensor.which,
+            stamp: self.start.plus_nanos(nanos),
+            measured: sensor.measure(&state),
+            force: state.force,
+            rate: state.rate,
+            pose: state.posed.then_some(state.poses.0),
+        })
+    }
+}

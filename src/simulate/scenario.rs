@@ -1,0 +1,332 @@
+//! What is simulated, as a TOML file says it. Whether the values make sense is left to `validate`.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::{Error, validate::validate};
+
+/// The built-in scenarios: name and TOML text, to be printed and edited.
+pub const BUILTIN: [(&str, &str); 3] = [
+    ("demo", include_str!("scenarios/demo.toml")),
+    ("thesis-sequence-1", include_str!("scenarios/thesis-sequence-1.toml")),
+    ("thesis-sequence-3", include_str!("scenarios/thesis-sequence-3.toml")),
+];
+
+/// A session with one IMU: its sensors, the poses it rests in, and the motion between them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Magnitude of gravity, in m/s².
+    #[serde(default = "standard_gravity")]
+    pub gravity: f64,
+    /// Where the Earth's rotation is felt, in degrees north; nowhere if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latitude_deg: Option<f64>,
+    /// Standard deviation of the tilt of each placement about each of two horizontal axes, in degrees.
+    #[serde(default)]
+    pub tilt_scatter_deg: f64,
+    /// How it is recorded.
+    pub recording: Recording,
+    /// The primary accelerometer.
+    pub accelerometer: Triad,
+    /// The gyroscope, in the accelerometer's messages unless it has a topic of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyroscope: Option<Triad>,
+    /// Further accelerometers that move with the primary one, by name.
+    #[serde(default)]
+    pub secondary: BTreeMap<String, Triad>,
+    /// What happens between poses.
+    #[serde(default)]
+    pub motion: Motion,
+    /// The poses, one after the other; each is a placement of its own.
+    pub pose: Vec<Pose>,
+    /// What shakes the sensors, at rest and in motion.
+    #[serde(default)]
+    pub vibration: Vec<Vibration>,
+}
+
+/// How a session is recorded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Recording {
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Stamp of the first sample, in seconds since the Unix epoch.
+    pub start_s: u32,
+    /// Encoding of the messages.
+    pub encoding: Encoding,
+    /// Profile of the recording; that of the encoding if absent.
+    pub profile: Option<String>,
+    /// Compression of the chunks.
+    pub compression: Compression,
+    /// Uncompressed size at which a chunk is closed, in bytes.
+    pub chunk_bytes: u32,
+    /// Coordinate frame named in each message.
+    pub frame_id: String,
+}
+
+impl Default for Recording {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            start_s: 1_700_000_000,
+            encoding: Encoding::Ros2,
+            profile: None,
+            compression: Compression::Zstd,
+            chunk_bytes: 256 * 1024,
+            frame_id: "imu_link".to_owned(),
+        }
+    }
+}
+
+/// How messages are encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Encoding {
+    /// CDR, with `ros2msg` schemas.
+    Ros2,
+    /// ROS 1, with `ros1msg` schemas.
+    Ros1,
+    /// Protobuf, with the descriptor set of a vendor's own messages.
+    Protobuf,
+    /// JSON, with a JSON schema.
+    Json,
+}
+
+/// How chunks are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// LZ4 frames.
+    Lz4,
+    /// Zstandard.
+    Zstd,
+}
+
+/// One sensor: `measured = bias + S · true + …`, in m/s² or rad/s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Triad {
+    /// Topic of its messages; `/imu/data_raw` if absent, and for a gyroscope the accelerometer's messages.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
+    /// Samples a second. A gyroscope in the accelerometer's messages has the accelerometer's.
+    pub rate_hz: f64,
+    /// How long after the start of the recording the first sample is taken, in seconds.
+    #[serde(default)]
+    pub phase_s: f64,
+    /// Reading without input.
+    #[serde(default)]
+    pub bias: [f64; 3],
+    /// Maps true to measured, dimensionless.
+    #[serde(default)]
+    pub sensitivity: Sensitivity,
+    /// Standard deviation of the noise of one axis of one sample.
+    #[serde(default)]
+    pub noise: f64,
+    /// Time after which the noise has forgotten itself to 1/e, as behind a low-pass filter, in seconds; 0 is white.
+    #[serde(default)]
+    pub noise_correlation_s: f64,
+    /// Quantisation step; 0 for none.
+    #[serde(default)]
+    pub step: f64,
+    /// Largest reading, where it saturates; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<f64>,
+    /// Standard deviation of the offset that each placement adds to each axis.
+    #[serde(default)]
+    pub placement_scatter: f64,
+    /// How much the bias grows in an hour.
+    #[serde(default)]
+    pub bias_drift_per_h: [f64; 3],
+    /// Gyroscope: sensitivity to specific force, rows of rad/s per m/s².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub g_sensitivity: Option<[[f64; 3]; 3]>,
+    /// Gyroscope: sensitivity of each axis to the square of its own specific force, in rad/s per (m/s²)².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub g2_sensitivity: Option<[f64; 3]>,
+    /// Accelerometer: sensitivity to angular rate, rows of m/s² per rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_sensitivity: Option<[[f64; 3]; 3]>,
+}
+
+/// The matrix **S** that maps true to measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected three numbers (the diagonal) or three rows of three numbers")]
+pub enum Sensitivity {
+    /// Scale factors without cross-axis sensitivity.
+    Diagonal([f64; 3]),
+    /// All nine, row by row.
+    Matrix([[f64; 3]; 3]),
+}
+
+impl Default for Sensitivity {
+    fn default() -> Self {
+        Self::Diagonal([1.0; 3])
+    }
+}
+
+impl Sensitivity {
+    /// As a matrix.
+    pub fn matrix(self) -> Matrix3<f64> {
+        match self {
+            Self::Diagonal(scale) => Matrix3::from_diagonal(&Vector3::from(scale)),
+            Self::Matrix(rows) => matrix(rows),
+        }
+    }
+}
+
+/// A place to rest. Exactly one of `face`, `up` and `attitude` says how.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pose {
+    /// The face of a cube that points up: `+X`, `-X`, …
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub face: Option<String>,
+    /// The direction in the sensor's frame that points up, of any length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<[f64; 3]>,
+    /// The rotation from the sensor's frame to a world whose z axis points up, as a quaternion w, x, y, z.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attitude: Option<[f64; 4]>,
+    /// How far the sensor is tilted from that, in degrees.
+    pub tilt_deg: f64,
+    /// Where the tilt goes: 0 tips the up direction towards the next axis (X to Y to Z to X) after the one it is
+    /// nearest to, and it grows right-handed about the up direction. In degrees.
+    pub azimuth_deg: f64,
+    /// Turn about the vertical, in degrees.
+    pub heading_deg: f64,
+    /// How long it rests, in seconds.
+    pub rest_s: f64,
+    /// Duration of the motion that leads here from the pose before, in seconds; `motion.duration_s` if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion_s: Option<f64>,
+    /// Constant rotation instead of a rest, about the world's axes, in degrees a second: about z a turn on a table,
+    /// about x or y a slow creep.
+    pub turn_deg_s: [f64; 3],
+}
+
+/// What happens between poses: the sensor is lifted, turned, carried and put down, smoothly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Motion {
+    /// From one pose to the next, in seconds.
+    pub duration_s: f64,
+    /// Motion before the first rest, in seconds; the recording starts in the middle of it.
+    pub start_s: f64,
+    /// Motion after the last rest, in seconds; the recording ends in the middle of it.
+    pub end_s: f64,
+    /// How far it is carried sideways, in metres.
+    pub carry_m: f64,
+    /// How far it is lifted, in metres.
+    pub lift_m: f64,
+    /// Detour of the attitude on the way, in degrees.
+    pub wobble_deg: f64,
+    /// Root mean square of the hand's shake in each direction, in m/s².
+    pub shake: f64,
+    /// Its frequency, in Hz.
+    pub shake_hz: f64,
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            duration_s: 1.5,
+            start_s: 0.0,
+            end_s: 0.0,
+            carry_m: 0.15,
+            lift_m: 0.1,
+            wobble_deg: 10.0,
+            shake: 0.5,
+            shake_hz: 5.0,
+        }
+    }
+}
+
+/// A sinusoidal acceleration, felt by the accelerometers only.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vibration {
+    /// Amplitude along the sensor's axes, in m/s².
+    pub amplitude: [f64; 3],
+    /// Frequency, in Hz.
+    pub frequency_hz: f64,
+    /// Fraction of the amplitude that comes and goes, 0 to 1; 0 is steady.
+    #[serde(default)]
+    pub modulation: f64,
+    /// How often it comes and goes, in Hz.
+    #[serde(default)]
+    pub modulation_hz: f64,
+    /// Length of a burst, in seconds; without it the vibration does not pause.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub burst_s: Option<f64>,
+    /// Pause after each burst, in seconds.
+    #[serde(default)]
+    pub pause_s: f64,
+}
+
+impl Scenario {
+    /// The scenario that a TOML text describes.
+    ///
+    /// # Errors
+    /// If the text is not TOML or not a scenario, with its line; if a value cannot be simulated, with its key.
+    pub fn parse(text: &str) -> Result<Self, Error> {
+        let scenario = toml::from_str(text).map_err(|error| malformed(&error, Some(text)))?;
+        validate(&scenario)?;
+        Ok(scenario)
+    }
+
+    /// The scenario that a table describes: a parsed text with overrides merged in, say.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse), with the key instead of the line.
+    pub fn from_table(table: toml::Table) -> Result<Self, Error> {
+        let scenario = table.try_into().map_err(|error| malformed(&error, None))?;
+        validate(&scenario)?;
+        Ok(scenario)
+    }
+
+    /// Topic of the primary accelerometer's messages.
+    pub fn imu_topic(&self) -> &str {
+        self.accelerometer.topic.as_deref().unwrap_or("/imu/data_raw")
+    }
+
+    /// Every topic of the recording: the primary accelerometer's, the gyroscope's own if it has one, the secondaries'.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        let others = self.gyroscope.iter().chain(self.secondary.values());
+        std::iter::once(self.imu_topic()).chain(others.filter_map(|triad| triad.topic.as_deref()))
+    }
+
+    /// The built-in scenario of this name.
+    ///
+    /// # Errors
+    /// If there is none; the error lists those there are.
+    pub fn builtin(name: &str) -> Result<Self, Error> {
+        let (_, text) =
+            BUILTIN.iter().find(|(known, _)| *known == name).ok_or_else(|| Error::Unknown(name.to_owned()))?;
+        Self::parse(text)
+    }
+}
+
+pub(super) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| rows[row][column])
+}
+
+fn standard_gravity() -> f64 {
+    9.80665
+}
+
+fn malformed(error: &toml::de::Error, text: Option<&str>) -> Error {
+    let before = text.zip(error.span()).and_then(|(text, span)| text.get(..span.start));
+    let line = before.map(|before| before.matches('\n').count() + 1);
+    // Without the text, the error shows the key, behind its message and in backticks.
+    let mut bare = error.clone();
+    bare.set_input(None);
+    let bare = bare.to_string();
+    let key = bare.strip_prefix(error.message()).and_then(|key| key.split('`').nth(1)).map(str::to_owned);
+    Error::Scenario { line, key, problem: error.message().replace('\n', ", ") }
+}

@@ -1,0 +1,92 @@
+//! What one sensor makes of the truth: `measured = bias + S · true`, the cross terms, noise, quantisation, saturation.
+
+use nalgebra::{Matrix3, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+use super::scenario::matrix;
+use super::trajectory::State;
+use super::{Scenario, Triad};
+use crate::imu;
+
+/// A sensor with its generator.
+#[derive(Clone, Debug)]
+pub(super) struct Sensor {
+    pub which: imu::Sensor,
+    triad: Triad,
+    sensitivity: Matrix3<f64>,
+    /// Sensitivity to the other quantity: rate for an accelerometer, specific force for a gyroscope.
+    cross: Matrix3<f64>,
+    square: Vector3<f64>,
+    /// Offset of each placement.
+    offsets: Vec<Vector3<f64>>,
+    random: ChaCha8Rng,
+    /// How much of the noise of one sample is still there at the next, 0 to 1.
+    memory: f64,
+    noise: Vector3<f64>,
+    taken: u64,
+}
+
+impl Sensor {
+    /// A sensor of the scenario; `random` is its own.
+    pub fn new(which: imu::Sensor, triad: &Triad, scenario: &Scenario, mut random: ChaCha8Rng) -> Self {
+        let memory = match triad.noise_correlation_s {
+            0.0 => 0.0,
+            correlation_s => libm::exp(-1.0 / (triad.rate_hz * correlation_s)),
+        };
+        let offsets = scenario.pose.iter().map(|_| normal(&mut random) * triad.placement_scatter).collect();
+        Self {
+            which,
+            sensitivity: triad.sensitivity.matrix(),
+            cross: triad.g_sensitivity.or(triad.rate_sensitivity).map(matrix).unwrap_or_default(),
+            square: triad.g2_sensitivity.map(Vector3::from).unwrap_or_default(),
+            triad: triad.clone(),
+            offsets,
+            noise: normal(&mut random) * triad.noise,
+            memory,
+            random,
+            taken: 0,
+        }
+    }
+
+    /// When the next sample is taken, in nanoseconds since the start of the recording.
+    pub fn next(&self) -> i64 {
+        ((self.triad.phase_s + self.taken as f64 / self.triad.rate_hz) * 1e9).round() as i64
+    }
+
+    /// Takes it.
+    pub fn measure(&mut self, state: &State) -> Vector3<f64> {
+        let (own, other) = match self.which {
+            imu::Sensor::Gyroscope => (state.rate, state.force),
+            imu::Sensor::Accelerometer | imu::Sensor::Secondary(_) => (state.force, state.rate),
+        };
+        let hours = self.next() as f64 / 3.6e12;
+        let bias = Vector3::from(self.triad.bias) + Vector3::from(self.triad.bias_drift_per_h) * hours;
+        let cross = self.cross * other + self.square.component_mul(&other.component_mul(&other));
+        // A first-order Gauss–Markov process, whose standard deviation does not depend on its memory.
+        let fresh = self.triad.noise * (1.0 - self.memory * self.memory).sqrt();
+        self.noise = self.noise * self.memory + normal(&mut self.random) * fresh;
+        self.taken += 1;
+        let reading = bias + self.sensitivity * own + cross + self.offset(state) + self.noise;
+        reading.map(|value| self.saturate(self.quantise(value)))
+    }
+
+    /// The offset of the placement; on the way from one to the next it goes over smoothly.
+    fn offset(&self, state: &State) -> Vector3<f64> {
+        let of = |pose: usize| self.offsets.get(pose).copied().unwrap_or_default();
+        of(state.poses.0).lerp(&of(state.poses.1), state.progress)
+    }
+
+    fn quantise(&self, value: f64) -> f64 {
+        if self.triad.step > 0.0 { (value / self.triad.step).round() * self.triad.step } else { value }
+    }
+
+    fn saturate(&self, value: f64) -> f64 {
+        self.triad.range.map_or(value, |range| value.clamp(-range, range))
+    }
+}
+
+fn normal(random: &mut ChaCha8Rng) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| random.sample(StandardNormal))
+}

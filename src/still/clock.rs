@@ -1,0 +1,162 @@
+//! The time base of one triad: its sample period, and where its stamps break.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Stamp;
+
+/// What a new stamp means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tick {
+    /// The next sample.
+    Next,
+    /// Repeated or backward: the sample is to be dropped.
+    Dropped,
+    /// The stamps jumped: what follows is not connected to what came before. The sample itself is good.
+    Break,
+}
+
+/// Follows the stamps of one triad.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Clock {
+    gap_nanos: i64,
+    last: Option<Stamp>,
+    dropped: u64,
+    /// Dropped one after another.
+    dropped_in_a_row: u32,
+    breaks: u64,
+    /// The latest intervals, a ring.
+    intervals: Vec<i64>,
+    cursor: usize,
+    seen: u64,
+    period: Option<i64>,
+}
+
+/// So many intervals make a median.
+const INTERVALS: usize = 63;
+/// So many dropped stamps in a row are a clock that was set back.
+const PATIENCE: u32 = 5;
+
+impl Clock {
+    /// A clock that breaks at forward jumps beyond `gap_s` seconds and five sample periods.
+    pub fn new(gap_s: f64) -> Self {
+        Self {
+            gap_nanos: (gap_s * 1e9) as i64,
+            last: None,
+            dropped: 0,
+            dropped_in_a_row: 0,
+            breaks: 0,
+            intervals: Vec::with_capacity(INTERVALS),
+            cursor: 0,
+            seen: 0,
+            period: None,
+        }
+    }
+
+    /// Takes the stamp of a new sample.
+    pub fn tick(&mut self, stamp: Stamp) -> Tick {
+        let Some(last) = self.last else {
+            self.last = Some(stamp);
+            return Tick::Next;
+        };
+        let interval = stamp.since(last);
+        if interval <= 0 {
+            self.dropped += 1;
+            self.dropped_in_a_row += 1;
+            if self.dropped_in_a_row < PATIENCE {
+                return Tick::Dropped;
+            }
+            return self.rebase(stamp);
+        }
+        self.dropped_in_a_row = 0;
+        if self.period.is_some_and(|period| interval > self.gap_nanos.max(period.saturating_mul(5))) {
+            return self.rebase(stamp);
+        }
+        self.last = Some(stamp);
+        self.learn(interval);
+        Tick::Next
+    }
+
+    /// Median interval of the latest samples in nanoseconds, once eight were seen.
+    pub fn period(&self) -> Option<i64> {
+        self.period
+    }
+
+    /// How many samples were dropped for a repeated or backward stamp.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// How often the time base broke.
+    pub fn breaks(&self) -> u64 {
+        self.breaks
+    }
+
+    fn rebase(&mut self, stamp: Stamp) -> Tick {
+        self.last = Some(stamp);
+        self.dropped_in_a_row = 0;
+        self.breaks += 1;
+        Tick::Break
+    }
+
+    fn learn(&mut self, interval: i64) {
+        if self.intervals.len() < INTERVALS {
+            self.intervals.push(interval);
+        } else if let Some(oldest) = self.intervals.get_mut(self.cursor) {
+            *oldest = interval;
+            self.cursor = (self.cursor + 1) % INTERVALS;
+        }
+        self.seen += 1;
+        // Often while it is being learned, seldom afterwards: a median costs more than a sample may.
+        if (8..=64).contains(&self.seen) && self.seen.is_multiple_of(8) || self.seen.is_multiple_of(1024) {
+            let mut sorted = self.intervals.clone();
+            sorted.sort_unstable();
+            self.period = sorted.get(sorted.len() / 2).copied();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: i64) -> Stamp {
+        Stamp::from_nanos(millis * 1_000_000)
+    }
+
+    fn running_at_100_hz() -> Clock {
+        let mut clock = Clock::new(0.1);
+        for i in 0..100 {
+            assert_eq!(clock.tick(at(10 * i)), Tick::Next);
+        }
+        clock
+    }
+
+    #[test]
+    fn the_period_is_the_median_interval() {
+        assert_eq!(running_at_100_hz().period(), Some(10_000_000));
+    }
+
+    #[test]
+    fn a_repeated_stamp_is_dropped_and_counted() {
+        let mut clock = running_at_100_hz();
+        assert_eq!(clock.tick(at(990)), Tick::Dropped);
+        assert_eq!(clock.tick(at(1000)), Tick::Next);
+        assert_eq!(clock.dropped(), 1);
+    }
+
+    #[test]
+    fn a_forward_jump_beyond_the_gap_breaks_the_time_base() {
+        let mut clock = running_at_100_hz();
+        assert_eq!(clock.tick(at(1080)), Tick::Next);
+        assert_eq!(clock.tick(at(1190)), Tick::Break);
+        assert_eq!(clock.tick(at(1200)), Tick::Next);
+    }
+
+    #[test]
+    fn five_backward_stamps_in_a_row_re_base() {
+        let mut clock = running_at_100_hz();
+        let ticks: Vec<_> = (0..6).map(|i| clock.tick(at(10 * i))).collect();
+        assert_eq!(ticks[..4], [Tick::Dropped; 4]);
+        assert_eq!(ticks[4..], [Tick::Break, Tick::Next]);
+    }
+}

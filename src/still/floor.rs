@@ -1,0 +1,180 @@
+//! The noise floor of a triad, learned from whatever it does.
+//!
+//! The deviations of all windows go into a logarithmic histogram; the floor is a low quantile of them, corrected for
+//! what that quantile is of white noise. It needs no still start, and finds the quiet level of any recording: whether
+//! that level can be rest at all is for a ceiling to say.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Learns the deviation √(Σ variance of the axes) of a triad at rest.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Floor {
+    /// Degrees of freedom of one window's deviation: three axes, n − 1 each.
+    freedom: f64,
+    /// How many windows had a deviation in each bin.
+    bins: Vec<u32>,
+    windows: u64,
+    lowest_bin: usize,
+    /// Smallest step seen between two readings of one axis.
+    step: Option<f64>,
+    last: Option<Vector3<f64>>,
+    level: Option<f64>,
+}
+
+/// Bins an octave, as a power of two: 2⁵ = 32 bins, each 2 to 3 % wide.
+const SUB_BITS: u32 = 5;
+/// Deviations from 2⁻⁴⁰ to 2²⁴ can be told apart.
+const OCTAVES: std::ops::Range<i64> = -40..24;
+const BINS: usize = ((OCTAVES.end - OCTAVES.start) << SUB_BITS) as usize;
+/// So many windows must have been seen before the floor means anything.
+const SETTLED: u64 = 8;
+/// The quantile that is taken, as standard normal deviate: 2 %.
+const QUANTILE: f64 = 0.02;
+const QUANTILE_NORMAL: f64 = -2.054;
+/// A couple of seconds at rest suffice, in a recording of an hour as in one of a minute …
+const FEW_WINDOWS: f64 = 16.0;
+/// … but in one of a day, a few oddly quiet seconds do not.
+const LEAST_QUANTILE: f64 = 0.001;
+
+impl Floor {
+    /// For windows of so many samples.
+    pub(super) fn new(window: usize) -> Self {
+        Self {
+            freedom: 3.0 * (window.max(2) - 1) as f64,
+            bins: vec![0; BINS],
+            windows: 0,
+            lowest_bin: BINS,
+            step: None,
+            last: None,
+            level: None,
+        }
+    }
+
+    /// Sees one sample, for the quantisation step.
+    pub(super) fn sample(&mut self, value: &Vector3<f64>) {
+        if let Some(last) = self.last {
+            for step in (value - last).iter().map(|d| d.abs()) {
+                // Below that it is rounding of the conversion to SI units, not a step of the converter.
+                if step > 1e-7 && self.step.is_none_or(|least| step < least) {
+                    self.step = Some(step);
+                }
+            }
+        }
+        self.last = Some(*value);
+    }
+
+    /// Sees the deviation of one window. Windows should overlap by no more than half.
+    pub(super) fn window(&mut self, deviation: f64) {
+        // A stream that stands still to the last bit is republished or dead, and says nothing about noise.
+        if deviation > 0.0 {
+            let bin = bin(deviation);
+            if let Some(count) = self.bins.get_mut(bin) {
+                *count = count.saturating_add(1);
+            }
+            self.lowest_bin = self.lowest_bin.min(bin);
+        }
+        self.windows += 1;
+        self.level = self.quantile();
+    }
+
+    /// Whether enough was seen for the level to mean anything.
+    pub(super) fn is_settled(&self) -> bool {
+        self.windows >= SETTLED
+    }
+
+    /// The floor: √(Σ variance of the axes) at rest, in the unit of the triad.
+    pub(super) fn level(&self) -> Option<f64> {
+        // Three axes with the variance of a uniform error of one step.
+        let quantisation = 0.5 * self.step.unwrap_or(0.0);
+        self.level.map(|level| level.max(quantisation))
+    }
+
+    /// Smallest step seen between two readings of one axis, an upper bound of the resolution.
+    pub(super) fn step(&self) -> Option<f64> {
+        self.step
+    }
+
+    fn quantile(&self) -> Option<f64> {
+        let windows = self.windows as f64;
+        let rank = (QUANTILE * windows).min(FEW_WINDOWS).max(LEAST_QUANTILE * windows).max(1.0);
+        let mut seen = 0.0;
+        let found = self.bins.iter().enumerate().skip(self.lowest_bin).find(|(_, count)| {
+            seen += f64::from(**count);
+            seen >= rank
+        });
+        found.map(|(bin, _)| centre(bin) / self.white_quantile())
+    }
+
+    /// That quantile of the deviation of white noise of unit deviation: χ by Wilson and Hilferty (1931).
+    fn white_quantile(&self) -> f64 {
+        let v = 2.0 / (9.0 * self.freedom);
+        let cube_root = 1.0 - v + QUANTILE_NORMAL * v.sqrt();
+        libm::pow(cube_root, 1.5)
+    }
+}
+
+/// The bin of a positive deviation: exponent and leading bits of the mantissa, a logarithm without computing one.
+fn bin(deviation: f64) -> usize {
+    let bits = deviation.to_bits() >> (52 - SUB_BITS);
+    let lowest = ((1023 + OCTAVES.start) as u64) << SUB_BITS;
+    usize::try_from(bits.saturating_sub(lowest)).unwrap_or(BINS).min(BINS - 1)
+}
+
+/// The deviation in the middle of a bin.
+fn centre(bin: usize) -> f64 {
+    let lowest = ((1023 + OCTAVES.start) as u64) << SUB_BITS;
+    let lower = (bin as u64 + lowest) << (52 - SUB_BITS);
+    f64::from_bits(lower + (1 << (51 - SUB_BITS)))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::still::window::Window;
+
+    /// Feeds white noise whose deviation is `sigma(second)`, 100 samples a second.
+    fn learn(seconds: usize, sigma: impl Fn(usize) -> f64) -> Floor {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let (mut floor, mut window) = (Floor::new(25), Window::new(25));
+        for i in 0..seconds * 100 {
+            let mut axis = || -> f64 { StandardNormal.sample(&mut rng) };
+            let value = Vector3::new(axis(), axis(), axis()) * sigma(i / 100);
+            floor.sample(&value);
+            window.push(&value);
+            if window.is_full() && i % 12 == 0 {
+                floor.window(window.variance().sum().sqrt());
+            }
+        }
+        floor
+    }
+
+    #[test]
+    fn the_floor_of_white_noise_is_its_deviation() {
+        let level = learn(60, |_| 0.02).level().unwrap();
+        assert!((level / (0.02 * 3_f64.sqrt()) - 1.0).abs() < 0.1, "{level}");
+    }
+
+    #[test]
+    fn a_few_seconds_of_rest_in_an_hour_of_motion_are_found() {
+        let level = learn(3600, |s| if (1800..1804).contains(&s) { 0.02 } else { 2.0 }).level().unwrap();
+        assert!((level / (0.02 * 3_f64.sqrt()) - 1.0).abs() < 0.3, "{level}");
+    }
+
+    #[test]
+    fn a_frozen_stream_does_not_lower_the_floor() {
+        let level = learn(60, |s| if (20..30).contains(&s) { 0.0 } else { 0.02 }).level().unwrap();
+        assert!((level / (0.02 * 3_f64.sqrt()) - 1.0).abs() < 0.15, "{level}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_bin_holds_its_deviations(deviation in 1e-11_f64..1e7) {
+            prop_assert!((centre(bin(deviation)) / deviation - 1.0).abs() < 0.02);
+        }
+    }
+}

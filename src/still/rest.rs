@@ -1,0 +1,209 @@
+//! What the triads of an IMU read while it rested.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::Moments;
+use crate::Stamp;
+
+/// One zero-velocity segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rest {
+    /// First sample.
+    pub start: Stamp,
+    /// Last sample.
+    pub end: Stamp,
+    /// Rests with no motion between them share a number.
+    pub placement: u32,
+    /// The primary accelerometer, m/s².
+    pub accelerometer: TriadMean,
+    /// The gyroscope, rad/s, if there is one.
+    pub gyroscope: Option<TriadMean>,
+    /// The secondary accelerometers in the order of the configuration, m/s²; absent where one was silent.
+    pub secondary: Vec<Option<TriadMean>>,
+}
+
+impl Rest {
+    /// Length in seconds.
+    pub fn seconds(&self) -> f64 {
+        self.end.seconds_since(self.start)
+    }
+}
+
+/// Mean and noise of one triad during a rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TriadMean {
+    /// How many samples.
+    pub samples: u64,
+    /// How many uncorrelated samples would have told as much.
+    pub effective: f64,
+    /// Their mean.
+    pub mean: Vector3<f64>,
+    /// Covariance of one sample.
+    pub covariance: Matrix3<f64>,
+    /// Change of each axis from start to end along the line of best fit.
+    pub trend: Vector3<f64>,
+}
+
+impl TriadMean {
+    /// Standard deviation of one sample, per axis.
+    pub fn std(&self) -> Vector3<f64> {
+        self.covariance.diagonal().map(|variance| variance.max(0.0).sqrt())
+    }
+
+    /// √(Σ variance of the axes) of one sample.
+    pub fn deviation(&self) -> f64 {
+        self.covariance.trace().max(0.0).sqrt()
+    }
+
+    /// Variance of the mean, per axis.
+    pub fn mean_variance(&self) -> Vector3<f64> {
+        self.covariance.diagonal().map(|variance| variance.max(0.0)) / self.effective.max(1.0)
+    }
+}
+
+/// Sums over the open rest of one triad, in constant memory.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Sums {
+    start: Stamp,
+    all: Moments,
+    batch_size: u64,
+    batch: Vector3<f64>,
+    batch_count: u64,
+    /// Of the means of whole batches.
+    batches: Moments,
+    /// Mean of the times since start, their sum of squared deviations, and that with the values.
+    time_mean: f64,
+    time_squares: f64,
+    time_products: Vector3<f64>,
+    bounds: Option<(Stamp, Stamp)>,
+}
+
+impl Sums {
+    pub(super) fn new(start: Stamp, batch_size: usize) -> Self {
+        Self {
+            start,
+            all: Moments::default(),
+            batch_size: batch_size.max(1) as u64,
+            batch: Vector3::zeros(),
+            batch_count: 0,
+            batches: Moments::default(),
+            time_mean: 0.0,
+            time_squares: 0.0,
+            time_products: Vector3::zeros(),
+            bounds: None,
+        }
+    }
+
+    pub(super) fn push(&mut self, stamp: Stamp, value: &Vector3<f64>) {
+        self.all.push(value);
+        let time = stamp.seconds_since(self.start);
+        let before = time - self.time_mean;
+        self.time_mean += before / self.all.count() as f64;
+        self.time_squares += before * (time - self.time_mean);
+        self.time_products += (value - self.all.mean()) * before;
+        let first = self.bounds.map_or(stamp, |(first, _)| first);
+        self.bounds = Some((first, stamp));
+
+        self.batch += value;
+        self.batch_count += 1;
+        if self.batch_count == self.batch_size {
+            self.batches.push(&(self.batch / self.batch_size as f64));
+            (self.batch, self.batch_count) = (Vector3::zeros(), 0);
+        }
+    }
+
+    pub(super) fn start(&self) -> Stamp {
+        self.start
+    }
+
+    /// Stamps of the first and the last sample.
+    pub(super) fn bounds(&self) -> Option<(Stamp, Stamp)> {
+        self.bounds
+    }
+
+    /// Σ variance of the axes so far.
+    pub(super) fn variance(&self) -> f64 {
+        self.all.variance()
+    }
+
+    /// The mean of everything so far, if there is anything.
+    pub(super) fn mean(&self) -> Option<Vector3<f64>> {
+        (self.all.count() > 0).then(|| self.all.mean())
+    }
+
+    pub(super) fn finish(&self) -> Option<TriadMean> {
+        (self.all.count() > 0).then(|| TriadMean {
+            samples: self.all.count(),
+            effective: self.effective(),
+            mean: self.all.mean(),
+            covariance: self.all.covariance(),
+            trend: self.trend(),
+        })
+    }
+
+    /// Slope of the regression on time, times the duration.
+    fn trend(&self) -> Vector3<f64> {
+        let seconds = self.bounds.map_or(0.0, |(first, last)| last.seconds_since(first));
+        if self.time_squares > 0.0 { self.time_products * (seconds / self.time_squares) } else { Vector3::zeros() }
+    }
+
+    /// Method of batch means (Conway 1963): if noise were white, the variance of the means of `batch_size` samples would
+    /// be that of one sample over `batch_size`; what it is more is correlation. A few batches say little, so their
+    /// verdict is shrunk towards white.
+    fn effective(&self) -> f64 {
+        const WHITE_BATCHES: f64 = 2.0;
+        let samples = self.all.count() as f64;
+        let of_one = self.all.variance();
+        if self.batches.count() < 2 || of_one <= 0.0 {
+            return samples;
+        }
+        let inflation = self.batches.variance() * self.batch_size as f64 / of_one;
+        let weight = (self.batches.count() - 1) as f64;
+        let shrunk = (inflation * weight + WHITE_BATCHES) / (weight + WHITE_BATCHES);
+        (samples / shrunk.max(1.0)).max(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    /// First-order autoregressive noise of unit variance beside a slope, at 100 Hz.
+    fn rest(samples: usize, correlation: f64, slope: f64) -> TriadMean {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let mut sums = Sums::new(Stamp::default(), 25);
+        let mut noise = Vector3::zeros();
+        for i in 0..samples {
+            let mut axis = || -> f64 { StandardNormal.sample(&mut rng) };
+            let white = Vector3::new(axis(), axis(), axis());
+            noise = noise * correlation + white * (1.0 - correlation * correlation).sqrt();
+            let stamp = Stamp::from_nanos(i as i64 * 10_000_000);
+            sums.push(stamp, &(noise + Vector3::x() * (slope * i as f64 * 0.01)));
+        }
+        sums.finish().unwrap()
+    }
+
+    #[test]
+    fn white_samples_all_count() {
+        let rest = rest(6000, 0.0, 0.0);
+        assert!(rest.effective > 0.8 * 6000.0, "{}", rest.effective);
+    }
+
+    #[test]
+    fn correlated_samples_count_less() {
+        // (1 − ρ)/(1 + ρ) of them in the limit of long batches.
+        let rest = rest(6000, 0.8, 0.0);
+        let share = rest.effective / 6000.0;
+        assert!((0.08..0.22).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn the_trend_is_the_change_over_the_rest() {
+        let rest = rest(6000, 0.0, 0.1);
+        assert!((rest.trend.x - 6.0).abs() < 0.2 && rest.trend.y.abs() < 0.2, "{:?}", rest.trend);
+    }
+}

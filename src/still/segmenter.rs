@@ -1,0 +1,376 @@
+//! Cuts the time of an IMU into rest and motion. Whether a rest is any good is left to the fit.
+//!
+//! The state is evaluated at each accelerometer sample, with the latest gyroscope state; secondary accelerometers do not
+//! vote. Samples enter a rest one window later than they arrive, so that its end can be trimmed by the window in which
+//! motion was noticed.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::clock::Tick;
+use super::rest::Rest;
+use super::track::{Track, Yardstick};
+use super::{Config, Detector};
+use crate::Stamp;
+use crate::imu::{Sample, Sensor};
+
+/// Whether an IMU rests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum State {
+    /// There is no credible noise floor yet.
+    Unknown,
+    /// It moves.
+    Moving,
+    /// It rests.
+    Still,
+}
+
+/// The state and what it was judged by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Status {
+    /// The state.
+    pub state: State,
+    /// Largest of the voting triads' deviations over their floors; NaN while there is none.
+    pub statistic: f64,
+    /// The statistic under which the IMU is still.
+    pub enter: f64,
+    /// The statistic above which it moves.
+    pub leave: f64,
+    /// √(Σ variance of the axes) believed of the accelerometer at rest, m/s².
+    pub accel_floor: Option<f64>,
+    /// The same of the gyroscope, rad/s.
+    pub gyro_floor: Option<f64>,
+}
+
+/// What a sample did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It was dropped for a repeated or backward stamp.
+    Dropped,
+    /// It is not one that the state is evaluated at.
+    Taken,
+    /// The state was evaluated.
+    Judged {
+        /// And is another than before.
+        changed: bool,
+    },
+}
+
+/// Samples in, rests out.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Segmenter {
+    config: Config,
+    accelerometer: Track,
+    gyroscope: Option<Track>,
+    secondary: Vec<Track>,
+    phase: Phase,
+    state: State,
+    placement: u32,
+    /// Mean of the last rest, if the time since then holds a gap but no motion.
+    before_gap: Option<Vector3<f64>>,
+    /// Rests that nobody can believe yet, oldest first.
+    held: VecDeque<Rest>,
+    ready: VecDeque<Rest>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Phase {
+    Moving,
+    /// Quiet since.
+    Settling(Stamp),
+    Still,
+}
+
+/// How a rest ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    Motion,
+    Gap,
+    Split,
+}
+
+/// So many rests wait for a credible floor.
+const MAX_HELD: usize = 256;
+/// A gyroscope silent for longer than this, in nanoseconds, does not vote.
+const GYRO_SILENCE: i64 = 1_000_000_000;
+
+impl Segmenter {
+    /// For an IMU with so many secondary accelerometers.
+    pub fn new(config: &Config, secondary: usize) -> Self {
+        let mut config = config.clone();
+        if config.detector == Detector::MovingStd {
+            // The thesis' detector has one threshold, and no patience.
+            config = Config { enter: 1.0, leave: 1.0, settle_s: 0.0, min_rest_s: 0.1, ..config };
+        }
+        Self {
+            accelerometer: Track::new(&config, Yardstick::accelerometer(&config)),
+            gyroscope: None,
+            secondary: vec![Track::new(&config, Yardstick::None); secondary],
+            phase: Phase::Moving,
+            state: State::Unknown,
+            placement: 1,
+            before_gap: None,
+            held: VecDeque::new(),
+            ready: VecDeque::new(),
+            config,
+        }
+    }
+
+    /// Takes a sample. Rests that ended with it come from [`next_rest`](Self::next_rest).
+    pub fn push(&mut self, sensor: Sensor, sample: &Sample) -> Outcome {
+        let Some(track) = self.track(sensor) else { return Outcome::Dropped };
+        let tick = track.tick(sample.stamp);
+        if tick == Tick::Dropped {
+            return Outcome::Dropped;
+        }
+        let votes = !matches!(sensor, Sensor::Secondary(_));
+        if tick == Tick::Break && votes {
+            self.break_off();
+        }
+        if let Some(track) = self.track(sensor) {
+            track.take(sample);
+        }
+        match sensor {
+            Sensor::Accelerometer => self.judge(sample.stamp),
+            _ => Outcome::Taken,
+        }
+    }
+
+    /// The next finished rest, oldest first.
+    pub fn next_rest(&mut self) -> Option<Rest> {
+        self.ready.pop_front()
+    }
+
+    /// The recording has ended: closes an open rest.
+    pub fn finish(&mut self) {
+        if self.phase == Phase::Still {
+            self.end_rest(End::Gap);
+        }
+    }
+
+    /// Level of the quietest that was seen while nothing was credible: √(Σ variance of the axes) of accelerometer (m/s²)
+    /// and gyroscope (rad/s).
+    pub fn levels(&self) -> (Option<f64>, Option<f64>) {
+        (self.accelerometer.level(), self.gyroscope.as_ref().and_then(Track::level))
+    }
+
+    /// The present state.
+    pub fn status(&self) -> Status {
+        Status {
+            state: self.state,
+            statistic: self.statistic().unwrap_or(f64::NAN),
+            enter: self.config.enter,
+            leave: self.config.leave,
+            accel_floor: self.accelerometer.level(),
+            gyro_floor: self.gyroscope.as_ref().and_then(Track::level),
+        }
+    }
+
+    /// Samples dropped for a repeated or backward stamp, over all triads.
+    pub fn dropped(&self) -> u64 {
+        self.tracks().map(|track| track.clock().dropped()).sum()
+    }
+
+    /// Breaks of the time base, over all triads.
+    pub fn breaks(&self) -> u64 {
+        self.tracks().map(|track| track.clock().breaks()).sum()
+    }
+
+    /// Smallest step between two readings of one axis of the primary accelerometer, m/s².
+    pub fn accel_step(&self) -> Option<f64> {
+        self.accelerometer.step()
+    }
+
+    fn track(&mut self, sensor: Sensor) -> Option<&mut Track> {
+        let config = &self.config;
+        match sensor {
+            Sensor::Accelerometer => Some(&mut self.accelerometer),
+            Sensor::Gyroscope => {
+                Some(self.gyroscope.get_or_insert_with(|| Track::new(config, Yardstick::gyroscope(config))))
+            }
+            Sensor::Secondary(i) => self.secondary.get_mut(i),
+        }
+    }
+
+    fn judge(&mut self, now: Stamp) -> Outcome {
+        let statistic = self.statistic();
+        let quiet = statistic.is_some_and(|statistic| statistic < self.config.enter);
+        let loud = statistic.is_some_and(|statistic| statistic > self.config.leave);
+        if loud {
+            self.before_gap = None;
+        }
+        self.phase = match self.phase {
+            Phase::Moving if quiet => {
+                let start = self.accelerometer.window_start().unwrap_or(now);
+                self.tracks_mut().for_each(|track| track.open(start));
+                Phase::Settling(now)
+            }
+            Phase::Settling(_) if !quiet => {
+                self.tracks_mut().for_each(|track| {
+                    track.close();
+                });
+                Phase::Moving
+            }
+            Phase::Settling(since) if now.seconds_since(since) >= self.config.settle_s => Phase::Still,
+            Phase::Still if loud || self.creeps() || self.is_outdated() => {
+                self.end_rest(End::Motion);
+                Phase::Moving
+            }
+            phase => phase,
+        };
+        self.commit(now);
+        if !self.is_credible() {
+            return self.judged(State::Unknown);
+        }
+        self.release();
+        self.judged(if self.phase == Phase::Still { State::Still } else { State::Moving })
+    }
+
+    fn judged(&mut self, state: State) -> Outcome {
+        let changed = state != self.state;
+        self.state = state;
+        Outcome::Judged { changed }
+    }
+
+    /// Samples one window old are safe from trimming: they enter the open rest, or are forgotten.
+    fn commit(&mut self, now: Stamp) {
+        let Some(span) = self.accelerometer.window_span() else { return };
+        // While moving, a start may yet be dated back by a window, on every triad's clock.
+        let keep = if self.phase == Phase::Moving { span.saturating_mul(2) } else { span };
+        let until = now.plus_nanos(keep.saturating_neg());
+        self.tracks_mut().for_each(|track| track.commit(until));
+        let bounds = self.accelerometer.open_bounds();
+        let full = bounds.is_some_and(|(start, end)| end.seconds_since(start) >= self.config.max_duration_s);
+        if self.phase == Phase::Still && full {
+            self.end_rest(End::Split);
+            let start = until.plus_nanos(1);
+            self.tracks_mut().for_each(|track| track.open(start));
+        }
+    }
+
+    fn end_rest(&mut self, end: End) {
+        if end == End::Gap {
+            // Nothing moved before the data ended, so nothing is trimmed.
+            let all = Stamp::from_nanos(i64::MAX);
+            self.tracks_mut().for_each(|track| track.commit(all));
+        }
+        let span = self.accelerometer.open_bounds();
+        let accelerometer = self.accelerometer.close();
+        let gyroscope = self.gyroscope.as_mut().and_then(Track::close);
+        let secondary: Vec<_> = self.secondary.iter_mut().map(Track::close).collect();
+        if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
+            && stop.seconds_since(start) >= self.config.min_rest_s
+        {
+            self.continue_placement(&accelerometer.mean);
+            let placement = self.placement;
+            self.before_gap = (end == End::Gap).then_some(accelerometer.mean);
+            self.keep(Rest { start, end: stop, placement, accelerometer, gyroscope, secondary });
+        }
+        if end == End::Motion {
+            self.before_gap = None;
+        }
+        if end != End::Split {
+            self.placement += 1;
+        }
+    }
+
+    /// A rest that reads what the one before the gap read is no new placement.
+    fn continue_placement(&mut self, mean: &Vector3<f64>) {
+        if self.before_gap.is_some_and(|before| (mean - before).norm() < self.config.max_creep) {
+            self.placement = self.placement.saturating_sub(1);
+        }
+    }
+
+    fn keep(&mut self, rest: Rest) {
+        if self.held.len() == MAX_HELD {
+            self.held.pop_front();
+        }
+        self.held.push_back(rest);
+        if self.is_credible() {
+            self.release();
+        }
+    }
+
+    /// Lets go of the rests that waited for a credible floor, those that are rests by it.
+    fn release(&mut self) {
+        while let Some(rest) = self.held.pop_front() {
+            if self.is_quiet(&rest) {
+                self.ready.push_back(rest);
+            }
+        }
+    }
+
+    /// Whether a rest is still one by the floor as it is known now.
+    pub fn is_quiet(&self, rest: &Rest) -> bool {
+        let quiet =
+            |deviation: f64, level: Option<f64>| level.is_none_or(|level| deviation <= self.config.enter * level);
+        if self.config.detector == Detector::MovingStd {
+            return true;
+        }
+        quiet(rest.accelerometer.deviation(), self.accelerometer.level())
+            && rest
+                .gyroscope
+                .as_ref()
+                .is_none_or(|gyroscope| quiet(gyroscope.deviation(), self.gyroscope.as_ref().and_then(Track::level)))
+    }
+
+    /// The time base broke: what was before is not connected to what follows.
+    fn break_off(&mut self) {
+        if self.phase == Phase::Still {
+            self.end_rest(End::Gap);
+        }
+        self.tracks_mut().for_each(|track| {
+            track.close();
+            track.forget();
+        });
+        self.phase = Phase::Moving;
+    }
+
+    /// Whether the accelerometer's mean has left where the rest began: a slow slide has little variance.
+    fn creeps(&self) -> bool {
+        let (Some(now), Some(mean)) = (self.accelerometer.window_mean(), self.accelerometer.open_mean()) else {
+            return false;
+        };
+        let off = (now - mean).norm();
+        if off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
+            return false;
+        }
+        let noise = self.accelerometer.level().unwrap_or(0.0) / (self.accelerometer.window_size() as f64).sqrt();
+        off > self.config.max_creep + 4.0 * noise
+    }
+
+    /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
+    fn is_outdated(&self) -> bool {
+        let outdated = |track: &Track| track.is_outdated(self.config.enter);
+        outdated(&self.accelerometer) || self.gyroscope.as_ref().is_some_and(outdated)
+    }
+
+    fn statistic(&self) -> Option<f64> {
+        let accelerometer = self.accelerometer.statistic()?;
+        match self.voting_gyroscope() {
+            None => Some(accelerometer),
+            Some(gyroscope) => gyroscope.statistic().map(|gyroscope| gyroscope.max(accelerometer)),
+        }
+    }
+
+    fn is_credible(&self) -> bool {
+        self.accelerometer.is_credible() && self.voting_gyroscope().is_none_or(Track::is_credible)
+    }
+
+    fn voting_gyroscope(&self) -> Option<&Track> {
+        let now = self.accelerometer.last_stamp()?;
+        self.gyroscope
+            .as_ref()
+            .filter(|gyroscope| gyroscope.last_stamp().is_some_and(|last| now.since(last) < GYRO_SILENCE))
+    }
+
+    fn tracks(&self) -> impl Iterator<Item = &Track> {
+        std::iter::once(&self.accelerometer).chain(&self.gyroscope).chain(&self.secondary)
+    }
+
+    fn tracks_mut(&mut self) -> impl Iterator<Item = &mut Track> {
+        std::iter::once(&mut self.accelerometer).chain(&mut self.gyroscope).chain(&mut self.secondary)
+    }
+}

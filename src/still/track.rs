@@ -1,0 +1,231 @@
+//! One triad as the segmenter sees it: how quiet it is, its latest samples, and the sums of the open rest.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::clock::{Clock, Tick};
+use super::floor::Floor;
+use super::rest::{Sums, TriadMean};
+use super::window::Window;
+use super::{Config, Detector};
+use crate::Stamp;
+use crate::imu::Sample;
+
+/// Fewest samples in a window: fewer say too little about a variance.
+const MIN_WINDOW: usize = 20;
+/// The thesis' window, in samples.
+const THESIS_WINDOW: usize = 100;
+
+/// One triad.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Track {
+    clock: Clock,
+    window_nanos: f64,
+    yardstick: Yardstick,
+    quiet: Option<Quiet>,
+    recent: VecDeque<(Stamp, Vector3<f64>)>,
+    open: Option<Sums>,
+    /// The sample period that the window was made for.
+    sized_for: Option<i64>,
+}
+
+/// What the deviation in the window is held against.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Yardstick {
+    /// The learned floor, believed up to this noise of one axis.
+    Learned { ceiling: f64 },
+    /// A fixed limit of the standard deviation of every axis, as in the thesis.
+    Fixed { limit: f64 },
+    /// Nothing: the triad does not vote.
+    None,
+}
+
+/// The window and what was learned from it, once the sample period is known.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Quiet {
+    window: Window,
+    floor: Floor,
+    since_floor: usize,
+}
+
+impl Track {
+    pub(super) fn new(config: &Config, yardstick: Yardstick) -> Self {
+        Self {
+            clock: Clock::new(config.gap_s),
+            window_nanos: config.window_s * 1e9,
+            yardstick,
+            quiet: None,
+            recent: VecDeque::new(),
+            open: None,
+            sized_for: None,
+        }
+    }
+
+    /// What the stamp of the next sample means; unless it is to be dropped, [`take`](Self::take) it next.
+    pub(super) fn tick(&mut self, stamp: Stamp) -> Tick {
+        self.clock.tick(stamp)
+    }
+
+    /// Takes a sample.
+    pub(super) fn take(&mut self, sample: &Sample) {
+        self.recent.push_back((sample.stamp, sample.value));
+        self.size_window();
+        if let Some(quiet) = &mut self.quiet {
+            quiet.push(&sample.value);
+        }
+    }
+
+    /// Starts anew after a break of the time base, here or in a triad that this one is judged with.
+    pub(super) fn forget(&mut self) {
+        self.recent.clear();
+        if let Some(quiet) = &mut self.quiet {
+            quiet.window.clear();
+        }
+    }
+
+    /// Deviation over the yardstick; `None` while either is unknown.
+    pub(super) fn statistic(&self) -> Option<f64> {
+        let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
+        let variance = quiet.window.variance();
+        match self.yardstick {
+            // Above the ceiling nothing is believed, so nothing is quiet against it either.
+            Yardstick::Learned { ceiling } => {
+                quiet.floor.level().map(|level| variance.sum().sqrt() / level.min(ceiling * 3_f64.sqrt()))
+            }
+            Yardstick::Fixed { limit } => Some(variance.max().sqrt() / limit),
+            Yardstick::None => None,
+        }
+    }
+
+    /// √(Σ variance of the axes) that the triad is believed to have at rest.
+    pub(super) fn level(&self) -> Option<f64> {
+        match self.yardstick {
+            Yardstick::Fixed { limit } => Some(limit * 3_f64.sqrt()),
+            _ => self.quiet.as_ref()?.floor.level(),
+        }
+    }
+
+    /// Whether that level can be the noise of a sensor at rest.
+    pub(super) fn is_credible(&self) -> bool {
+        match self.yardstick {
+            Yardstick::Learned { ceiling } => self.quiet.as_ref().is_some_and(|quiet| {
+                quiet.floor.is_settled() && quiet.floor.level().is_some_and(|level| level <= ceiling * 3_f64.sqrt())
+            }),
+            Yardstick::Fixed { .. } | Yardstick::None => true,
+        }
+    }
+
+    pub(super) fn window_mean(&self) -> Option<Vector3<f64>> {
+        self.quiet.as_ref().map(|quiet| quiet.window.mean())
+    }
+
+    pub(super) fn window_size(&self) -> usize {
+        self.quiet.as_ref().map_or(MIN_WINDOW, |quiet| quiet.window.size())
+    }
+
+    /// Time that a window covers, in nanoseconds; `None` before the sample period is known.
+    pub(super) fn window_span(&self) -> Option<i64> {
+        Some(self.clock.period()?.saturating_mul(self.window_size() as i64))
+    }
+
+    /// Stamp of the oldest sample in the window.
+    pub(super) fn window_start(&self) -> Option<Stamp> {
+        let oldest = self.recent.len().saturating_sub(self.window_size());
+        self.recent.get(oldest).map(|(stamp, _)| *stamp)
+    }
+
+    pub(super) fn last_stamp(&self) -> Option<Stamp> {
+        self.recent.back().map(|(stamp, _)| *stamp)
+    }
+
+    pub(super) fn step(&self) -> Option<f64> {
+        self.quiet.as_ref()?.floor.step()
+    }
+
+    pub(super) fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// Opens a rest that begins at `start`.
+    pub(super) fn open(&mut self, start: Stamp) {
+        self.open = Some(Sums::new(start, self.window_size()));
+    }
+
+    /// Moves the samples up to `until` from the latest into the open rest, if there is one; without one they are gone.
+    pub(super) fn commit(&mut self, until: Stamp) {
+        while let Some((stamp, value)) = self.recent.front().copied().filter(|(stamp, _)| *stamp <= until) {
+            self.recent.pop_front();
+            if let Some(sums) = self.open.as_mut().filter(|sums| stamp >= sums.start()) {
+                sums.push(stamp, &value);
+            }
+        }
+    }
+
+    /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
+    pub(super) fn is_outdated(&self, enter: f64) -> bool {
+        let variance = self.open.as_ref().map_or(0.0, Sums::variance);
+        matches!(self.yardstick, Yardstick::Learned { .. })
+            && self.level().is_some_and(|level| variance > (enter * level).powi(2))
+    }
+
+    /// Mean of the open rest so far.
+    pub(super) fn open_mean(&self) -> Option<Vector3<f64>> {
+        self.open.as_ref()?.mean()
+    }
+
+    /// First and last stamp in the open rest.
+    pub(super) fn open_bounds(&self) -> Option<(Stamp, Stamp)> {
+        self.open.as_ref()?.bounds()
+    }
+
+    /// Ends the open rest.
+    pub(super) fn close(&mut self) -> Option<TriadMean> {
+        self.open.take()?.finish()
+    }
+
+    /// Makes or remakes the window when the sample period has become known or has changed.
+    fn size_window(&mut self) {
+        let Some(period) = self.clock.period().filter(|_| self.clock.period() != self.sized_for) else { return };
+        self.sized_for = Some(period);
+        let size = match self.yardstick {
+            Yardstick::Fixed { .. } => THESIS_WINDOW,
+            _ => MIN_WINDOW.max(libm::ceil(self.window_nanos / period.max(1) as f64) as usize),
+        };
+        let present = self.quiet.as_ref().map_or(0, |quiet| quiet.window.size());
+        if size.abs_diff(present) * 4 > present {
+            self.quiet = Some(Quiet { window: Window::new(size), floor: Floor::new(size), since_floor: 0 });
+        }
+    }
+}
+
+impl Quiet {
+    fn push(&mut self, value: &Vector3<f64>) {
+        self.floor.sample(value);
+        self.window.push(value);
+        self.since_floor += 1;
+        if self.window.is_full() && 2 * self.since_floor >= self.window.size() {
+            self.since_floor = 0;
+            self.floor.window(self.window.variance().sum().sqrt());
+        }
+    }
+}
+
+impl Yardstick {
+    /// For an accelerometer that decides.
+    pub(super) fn accelerometer(config: &Config) -> Self {
+        match config.detector {
+            Detector::Adaptive => Self::Learned { ceiling: config.accel_ceiling },
+            Detector::MovingStd => Self::Fixed { limit: 0.15 },
+        }
+    }
+
+    /// For a gyroscope.
+    pub(super) fn gyroscope(config: &Config) -> Self {
+        match config.detector {
+            Detector::Adaptive => Self::Learned { ceiling: config.gyro_ceiling },
+            Detector::MovingStd => Self::Fixed { limit: 0.15_f64.to_radians() },
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! What each message must read as in ROS 2, written down by hand.
+
+use prost_types::Timestamp;
+use stillpoint::engine::Message;
+use stillpoint::messages::{
+    Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3, foxglove,
+};
+
+use super::reader::Value;
+
+pub fn expected(message: &Message) -> Value {
+    match message {
+        Message::Stillness(message) => stillness(message),
+        Message::Segment(message) => segment(message),
+        Message::Coverage(message) => coverage(message),
+        Message::Calibration(message) => calibration(message),
+        Message::Log(message) => log(message),
+    }
+}
+
+fn stillness(m: &Stillness) -> Value {
+    record([
+        ("header", header(&m.header)),
+        ("state", integer(m.state)),
+        ("statistic", Value::Float(m.statistic)),
+        ("enter", Value::Float(m.enter)),
+        ("leave", Value::Float(m.leave)),
+    ])
+}
+
+fn segment(m: &Segment) -> Value {
+    record([
+        ("header", header(&m.header)),
+        ("start", time(m.start)),
+        ("end", time(m.end)),
+        ("accepted", Value::Bool(m.accepted)),
+        ("face", text(&m.face)),
+        ("tilt_deg", number(m.tilt_deg)),
+        ("reason", integer(m.reason)),
+        ("explanation", text(&m.explanation)),
+        ("means", sequence(&m.means, triad_mean)),
+        ("placement", integer(m.placement)),
+        ("temperature", number(m.temperature)),
+    ])
+}
+
+fn triad_mean(m: &TriadMean) -> Value {
+    record([
+        ("sensor", text(&m.sensor)),
+        ("samples", integer(m.samples)),
+        ("effective_samples", Value::Float(m.effective_samples)),
+        ("mean", vector(m.mean)),
+        ("covariance", numbers(&m.covariance)),
+        ("std", vector(m.std)),
+    ])
+}
+
+fn coverage(m: &Coverage) -> Value {
+    record([
+        ("header", header(&m.header)),
+        ("faces", sequence(&m.faces, face)),
+        ("complete", Value::Bool(m.complete)),
+        ("next_step", text(&m.next_step)),
+    ])
+}
+
+fn face(m: &Face) -> Value {
+    record([
+        ("name", text(&m.name)),
+        ("normal", vector(m.normal)),
+        ("placements", integer(m.placements)),
+        ("seconds", Value::Float(m.seconds)),
+    ])
+}
+
+fn calibration(m: &Calibration) -> Value {
+    let triad_or_absent = |triad: &Option<Triad>| self::triad(&triad.clone().unwrap_or_default());
+    record([
+        ("header", header(&m.header)),
+        ("revision", integer(m.revision)),
+        ("accelerometer", triad_or_absent(&m.accelerometer)),
+        ("gyroscope", triad_or_absent(&m.gyroscope)),
+        ("secondary", sequence(&m.secondary, triad)),
+        ("gravity", Value::Float(m.gravity)),
+        ("gravity_source", text(&m.gravity_source)),
+        ("segments", integer(m.segments)),
+        ("placements", integer(m.placements)),
+        ("from", time(m.from)),
+        ("until", time(m.until)),
+        ("temperature_min", number(m.temperature_min)),
+        ("temperature_max", number(m.temperature_max)),
+    ])
+}
+
+fn triad(m: &Triad) -> Value {
+    record([
+        ("sensor", text(&m.sensor)),
+        ("topic", text(&m.topic)),
+        ("model", integer(m.model)),
+        ("status", integer(m.status)),
+        ("bias", vector(m.bias)),
+        ("scale", vector(m.scale)),
+        ("sensitivity", numbers(&m.sensitivity)),
+        ("bias_std", vector(m.bias_std)),
+        ("scale_std", vector(m.scale_std)),
+        ("sensitivity_std", numbers(&m.sensitivity_std)),
+        ("g_sensitivity", numbers(&m.g_sensitivity)),
+        ("g2_sensitivity", numbers(&m.g2_sensitivity)),
+        ("rate_sensitivity", numbers(&m.rate_sensitivity)),
+        ("residual_rms", number(m.residual_rms)),
+        ("chi2_per_dof", number(m.chi2_per_dof)),
+        ("worst_case_error", number(m.worst_case_error)),
+        ("condition", number(m.condition)),
+        ("covariance", numbers(&m.covariance)),
+        ("notes", sequence(&m.notes, |note| text(note))),
+    ])
+}
+
+fn log(m: &foxglove::Log) -> Value {
+    record([
+        ("stamp", time(m.timestamp)),
+        ("level", Value::Integer(i128::from(m.level) * 10)),
+        ("name", text(&m.name)),
+        ("msg", text(&m.message)),
+        ("file", text(&m.file)),
+        ("function", text("")),
+        ("line", integer(m.line)),
+    ])
+}
+
+fn header(header: &Option<Header>) -> Value {
+    let header = header.clone().unwrap_or_default();
+    record([("stamp", time(header.stamp)), ("frame_id", text(&header.frame_id))])
+}
+
+fn time(time: Option<Timestamp>) -> Value {
+    let time = time.unwrap_or_default();
+    record([("sec", Value::Integer(time.seconds.into())), ("nanosec", integer(time.nanos as u32))])
+}
+
+fn vector(vector: Option<Vector3>) -> Value {
+    let Vector3 { x, y, z } = vector.unwrap_or(Vector3 { x: f64::NAN, y: f64::NAN, z: f64::NAN });
+    record([("x", Value::Float(x)), ("y", Value::Float(y)), ("z", Value::Float(z))])
+}
+
+fn number(number: Option<f64>) -> Value {
+    Value::Float(number.unwrap_or(f64::NAN))
+}
+
+fn numbers(numbers: &[f64]) -> Value {
+    sequence(numbers, |number| Value::Float(*number))
+}
+
+fn sequence<T>(elements: &[T], value: impl Fn(&T) -> Value) -> Value {
+    Value::Sequence(elements.iter().map(value).collect())
+}
+
+fn integer(number: impl Into<i128>) -> Value {
+    Value::Integer(number.into())
+}
+
+fn text(text: &str) -> Value {
+    Value::Text(text.to_owned())
+}
+
+fn record<const N: usize>(fields: [(&str, Value); N]) -> Value {
+    Value::Message(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
+}

@@ -1,0 +1,61 @@
+//! The engine alone: IMU samples (six channels) a second, and one refit of 64 rests with a secondary.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+#[path = "../common/session.rs"]
+mod session;
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use nalgebra::Vector3;
+use stillpoint::engine::{Config, Engine};
+use stillpoint::fit::Calibration;
+
+use session::Session;
+
+fn cube() -> [Vector3<f64>; 6] {
+    [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()]
+}
+
+/// Five minutes of a bench session: faces of eight seconds with motion between them.
+fn samples(criterion: &mut Criterion) {
+    let session = (0..5).fold(Session::new(), |session, _| session.rests(&cube(), 8.0));
+    let imu_samples = session.samples.len() as u64 / 2;
+    let mut group = criterion.benchmark_group("engine");
+    group.throughput(Throughput::Elements(imu_samples));
+    group.bench_function("imu samples", |bencher| {
+        bencher.iter_batched(
+            || (Engine::new(Config::default()), Vec::with_capacity(4096)),
+            |(mut engine, mut events)| {
+                for (sensor, sample) in &session.samples {
+                    engine.push(*sensor, sample, &mut events);
+                }
+                (engine, events)
+            },
+            BatchSize::LargeInput,
+        );
+    });
+}
+
+/// What a rest costs once 64 are remembered: judged, fitted, and put into messages, secondary included.
+fn refit(criterion: &mut Criterion) {
+    let session = (0..11).fold(Session::new().secondary(Calibration::default()), |s, _| s.rests(&cube(), 2.0));
+    let config = Config { secondary: vec![("highg".to_owned(), "/highg".to_owned())], ..Config::default() };
+    let mut engine = Engine::new(config);
+    let mut events = Vec::new();
+    for (sensor, sample) in &session.samples {
+        engine.push(*sensor, sample, &mut events);
+    }
+    // The recording ends in an open rest: finishing it is one refit.
+    criterion.bench_function("refit of 64 rests", |bencher| {
+        bencher.iter_batched(
+            || (engine.clone(), Vec::with_capacity(64)),
+            |(mut engine, mut events)| {
+                engine.finish(&mut events);
+                (engine, events)
+            },
+            BatchSize::LargeInput,
+        );
+    });
+}
+
+criterion_group!(benches, samples, refit);
+criterion_main!(benches);

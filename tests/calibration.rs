@@ -1,0 +1,325 @@
+//! What an engine learns from a session is the truth, or it says why not.
+#![allow(clippy::unwrap_used)]
+
+#[path = "common/session.rs"]
+mod session;
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use proptest::prelude::*;
+use stillpoint::engine::{Config, Engine, Event, Message};
+use stillpoint::fit::{self, Bounds, Calibration, Estimator};
+use stillpoint::messages::segment::Reason;
+use stillpoint::messages::triad::Status;
+use stillpoint::messages::{self, Segment, Triad};
+
+use session::{G, GYRO_BIAS, Session};
+
+fn cube() -> [Vector3<f64>; 6] {
+    [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()]
+}
+
+fn tilted(up: Vector3<f64>, degrees: f64) -> Vector3<f64> {
+    let axis = up.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize();
+    Rotation3::from_scaled_axis(axis * degrees.to_radians()) * up
+}
+
+fn truth() -> Calibration {
+    Calibration {
+        bias: Vector3::new(-0.382, 0.695, -0.595),
+        sensitivity: Matrix3::from_diagonal(&Vector3::new(0.967, 0.975, 0.983)),
+    }
+}
+
+/// Gravity is known, so that the scale can be held against the truth.
+fn config() -> Config {
+    Config { fit: fit::Config { gravity: Some(G), ..fit::Config::default() }, ..Config::default() }
+}
+
+struct Learned {
+    events: Vec<Event>,
+    engine: Engine,
+}
+
+fn learn(session: &Session, config: Config) -> Learned {
+    let mut engine = Engine::new(config);
+    let mut events = Vec::new();
+    for (sensor, sample) in &session.samples {
+        engine.push(*sensor, sample, &mut events);
+    }
+    engine.finish(&mut events);
+    Learned { events, engine }
+}
+
+impl Learned {
+    fn calibrations(&self) -> Vec<&messages::Calibration> {
+        self.events
+            .iter()
+            .filter_map(|e| if let Message::Calibration(c) = &e.message { Some(&**c) } else { None })
+            .collect()
+    }
+
+    fn segments(&self) -> Vec<&Segment> {
+        self.events.iter().filter_map(|e| if let Message::Segment(s) = &e.message { Some(s) } else { None }).collect()
+    }
+
+    fn reasons(&self) -> Vec<Reason> {
+        self.segments().iter().map(|segment| segment.reason()).collect()
+    }
+
+    fn accelerometer(&self) -> Triad {
+        self.calibrations().last().unwrap().accelerometer.clone().unwrap()
+    }
+}
+
+fn vector(v: &Option<messages::Vector3>) -> Vector3<f64> {
+    let v = v.as_ref().unwrap();
+    Vector3::new(v.x, v.y, v.z)
+}
+
+fn assert_near(triad: &Triad, truth: &Calibration, bias: f64, scale: f64) {
+    let bias_error = vector(&triad.bias) - truth.bias;
+    let scale_error = vector(&triad.scale) - truth.sensitivity.diagonal();
+    assert!(bias_error.amax() < bias, "bias is off by {bias_error}");
+    assert!(scale_error.amax() < scale, "scale is off by {scale_error}");
+}
+
+#[test]
+fn six_faces_determine_bias_and_scale_provisionally() {
+    let learned = learn(&Session::new().accelerometer(truth()).rests(&cube(), 5.0), config());
+    let accelerometer = learned.accelerometer();
+    assert_near(&accelerometer, &truth(), 0.005, 5e-4);
+    assert_eq!(accelerometer.status(), Status::Provisional);
+    assert_eq!(accelerometer.chi2_per_dof, None);
+    assert!(learned.engine.summary().coverage.next_step.contains("3 faces once more"));
+}
+
+#[test]
+fn repeated_placements_that_agree_confirm_it() {
+    let session = Session::new().accelerometer(truth()).rests(&cube(), 3.0).rests(&cube()[..3], 3.0);
+    let accelerometer = learn(&session, config()).accelerometer();
+    assert_near(&accelerometer, &truth(), 0.005, 5e-4);
+    assert_eq!(accelerometer.status(), Status::Confirmed);
+}
+
+#[test]
+fn splitting_one_placement_confirms_nothing() {
+    let mut config = config();
+    config.still.max_duration_s = 2.0;
+    let session = Session::new().accelerometer(truth()).rests(&cube(), 9.0);
+    assert_eq!(learn(&session, config).accelerometer().status(), Status::Provisional);
+}
+
+#[test]
+fn tilts_do_not_bias_the_refined_estimate() {
+    let ups: Vec<_> = cube().iter().enumerate().map(|(i, up)| tilted(*up, [0.5, 6.0][i % 2])).collect();
+    let session = Session::new().accelerometer(truth()).rests(&ups, 5.0);
+    assert_near(&learn(&session, config()).accelerometer(), &truth(), 0.008, 8e-4);
+    let mut fixture = config();
+    fixture.fit.estimator = Estimator::Fixture;
+    let naive = learn(&session, fixture).accelerometer();
+    assert!((vector(&naive.bias) - truth().bias).amax() > 0.02, "the thesis' estimator takes tilt for bias");
+}
+
+#[test]
+fn a_bias_of_most_of_a_g_is_found() {
+    let large = Calibration { bias: Vector3::new(4.1, -4.9, 7.5), ..truth() };
+    let learned = learn(&Session::new().accelerometer(large).rests(&cube(), 4.0), config());
+    assert_near(&learned.accelerometer(), &large, 0.006, 6e-4);
+}
+
+#[test]
+fn five_faces_determine_no_accelerometer_and_the_missing_one_is_named() {
+    let learned = learn(&Session::new().rests(&cube()[..5], 4.0), config());
+    assert_eq!(learned.accelerometer().status(), Status::Undetermined);
+    let summary = learned.engine.summary();
+    assert!(!summary.coverage.complete);
+    assert_eq!(summary.refusal.as_deref(), Some("not seen at rest: -Z"));
+    assert!(summary.coverage.next_step.contains("-Z points up"), "{}", summary.coverage.next_step);
+}
+
+#[test]
+fn a_misaligned_rest_is_rejected_with_its_tilt_and_a_question() {
+    let session = Session::new().accelerometer(truth()).rests(&cube(), 4.0).rests(&[tilted(Vector3::z(), 25.0)], 4.0);
+    let learned = learn(&session, config());
+    let rejected: Vec<_> = learned.segments().into_iter().filter(|segment| !segment.accepted).cloned().collect();
+    assert_eq!(rejected.len(), 1);
+    assert_eq!(rejected[0].reason(), Reason::Tilted);
+    assert!((rejected[0].tilt_deg.unwrap() - 25.0).abs() < 0.2);
+    assert!(rejected[0].explanation.contains("was the sensor lying flat?"));
+    assert_near(&learned.accelerometer(), &truth(), 0.006, 6e-4);
+}
+
+#[test]
+fn a_rest_that_the_raw_readings_misplaced_is_judged_again_once_the_bias_is_known() {
+    // Before −Z is seen, the large bias makes the tilted rest look like an upright one.
+    let large = Calibration { bias: Vector3::new(0.0, 0.0, 5.0), ..Calibration::default() };
+    let mut ups = cube().to_vec();
+    ups.insert(0, tilted(Vector3::x(), 24.0));
+    let learned = learn(&Session::new().accelerometer(large).rests(&ups, 4.0), config());
+    let first = learned.segments()[0].start;
+    let verdicts: Vec<_> = learned.segments().into_iter().filter(|segment| segment.start == first).collect();
+    assert_eq!(verdicts.last().unwrap().reason(), Reason::Tilted, "{verdicts:#?}");
+    assert_near(&learned.accelerometer(), &large, 0.006, 6e-4);
+}
+
+#[test]
+fn a_gyroscope_bias_needs_one_rest_and_no_faces() {
+    let learned = learn(&Session::new().motion(2.0).rest(Vector3::z(), 4.0).motion(1.0), config());
+    let calibration = learned.calibrations()[0].clone();
+    let gyroscope = calibration.gyroscope.unwrap();
+    assert!((vector(&gyroscope.bias) - Vector3::from(GYRO_BIAS)).amax() < 5e-4);
+    assert_eq!(gyroscope.status(), Status::Provisional);
+    assert_eq!(calibration.accelerometer.unwrap().status(), Status::Undetermined);
+}
+
+#[test]
+fn a_turn_at_constant_rate_is_no_rest() {
+    let session =
+        Session::new().rest(Vector3::z(), 4.0).rests(&cube()[..3], 4.0).motion(1.0).turn(5.0, 0.1).motion(1.0);
+    let learned = learn(&session, config());
+    assert_eq!(learned.reasons().iter().filter(|reason| **reason == Reason::Turning).count(), 1);
+    let gyroscope = learned.calibrations().last().unwrap().gyroscope.clone().unwrap();
+    assert!((vector(&gyroscope.bias) - Vector3::from(GYRO_BIAS)).amax() < 5e-4);
+}
+
+#[test]
+fn a_short_rest_is_reported_but_does_not_enter() {
+    let learned = learn(&Session::new().rest(Vector3::z(), 4.0).rests(&[Vector3::x()], 0.8).motion(1.0), config());
+    assert_eq!(learned.reasons(), [Reason::Accepted, Reason::TooShort]);
+    assert_eq!(learned.engine.summary().accepted, 1);
+}
+
+#[test]
+fn a_secondary_is_calibrated_on_the_primary_over_tilted_rests_too() {
+    let highg = Calibration {
+        bias: Vector3::new(-7.946, 0.185, -1.146),
+        sensitivity: Matrix3::from_diagonal(&Vector3::new(0.942, 0.970, 0.995)),
+    };
+    let oblique: Vec<_> = (0..4).map(|i| tilted(cube()[i], 30.0)).collect();
+    let session = Session::new().accelerometer(truth()).secondary(highg).rests(&cube(), 5.0).rests(&oblique, 5.0);
+    let mut config = config();
+    config.secondary = vec![("highg".to_owned(), "/highg".to_owned())];
+    let learned = learn(&session, config);
+    let secondary = learned.calibrations().last().unwrap().secondary[0].clone();
+    assert_eq!(secondary.sensor, "highg");
+    assert_near(&secondary, &highg, 0.03, 0.004);
+    let std = vector(&secondary.bias_std);
+    assert!((vector(&secondary.bias) - highg.bias).amax() < 4.0 * std.amax(), "{std}");
+}
+
+#[test]
+fn contradicting_rests_are_refused_with_their_residual() {
+    // The bench is kicked: one face reads half a m/s² too much.
+    let mut session = Session::new().rests(&cube(), 4.0);
+    session = session.motion(1.0).rest(Vector3::z() * (1.0 + 0.5 / G), 4.0);
+    let learned = learn(&session, config());
+    assert_eq!(learned.engine.summary().accepted, 7);
+    let refusal = learned.engine.summary().refusal.unwrap();
+    assert!(refusal.contains("contradict"), "{refusal}");
+}
+
+#[test]
+fn a_bound_that_holds_a_parameter_back_is_said() {
+    let mut config = config();
+    config.fit.bounds = Bounds { accel_bias: [-0.68, 0.68], ..Bounds::default() };
+    let learned = learn(&Session::new().accelerometer(truth()).rests(&cube(), 4.0), config);
+    let accelerometer = learned.accelerometer();
+    assert_eq!(vector(&accelerometer.bias).y, 0.68);
+    assert!(accelerometer.notes.iter().any(|note| note.contains("bias y is held back")), "{:?}", accelerometer.notes);
+}
+
+#[test]
+fn unknown_gravity_is_in_the_bars_of_the_scale_and_not_of_the_bias() {
+    let session = Session::new().accelerometer(truth()).rests(&cube(), 4.0);
+    let known = learn(&session, config()).accelerometer();
+    let unknown = learn(&session, Config::default()).accelerometer();
+    assert!(vector(&unknown.scale_std).min() > 1.4e-3 && vector(&known.scale_std).max() < 1.0e-3);
+    assert!((vector(&unknown.bias_std) - vector(&known.bias_std)).amax() < 1e-12);
+}
+
+#[test]
+fn at_the_end_of_a_rest_come_segment_coverage_calibration() {
+    let learned = learn(&Session::new().rests(&cube(), 3.0).motion(1.0), config());
+    let kinds: Vec<_> = learned
+        .events
+        .iter()
+        .filter_map(|event| match event.message {
+            Message::Segment(_) => Some('s'),
+            Message::Coverage(_) => Some('c'),
+            Message::Calibration(_) => Some('k'),
+            _ => None,
+        })
+        .collect();
+    let kinds: String = kinds.into_iter().collect();
+    assert!(kinds.starts_with("sck") && kinds.ends_with("sck"), "{kinds}");
+}
+
+#[test]
+fn stillness_is_said_at_each_change_and_once_a_second() {
+    let learned = learn(&Session::new().rests(&cube()[..2], 5.0), config());
+    let times: Vec<_> =
+        learned.events.iter().filter(|e| matches!(e.message, Message::Stillness(_))).map(|e| e.log_time).collect();
+    assert!(times.windows(2).all(|pair| pair[1] - pair[0] <= 1_000_000_000));
+}
+
+#[test]
+fn memory_stays_bounded_however_many_rests_there_are() {
+    let size = |rests: usize| {
+        let mut session = Session::new();
+        for _ in 0..rests {
+            session = session.rest(Vector3::z(), 1.6).motion(0.3);
+        }
+        serde_json::to_string(&learn(&session, config()).engine).unwrap().len()
+    };
+    let (many, more) = (size(80), size(160));
+    assert!(more < many + many / 20, "{many} {more}");
+}
+
+#[test]
+fn a_still_sensor_with_huge_noise_is_not_believed() {
+    let mut session = Session::new();
+    for i in 0..3000 {
+        let shake = Vector3::new((f64::from(i) * 2.1).sin(), (f64::from(i) * 1.3).cos(), 0.3);
+        session.sample(Vector3::z() * G + shake, Vector3::zeros());
+    }
+    let learned = learn(&session, config());
+    assert!(learned.calibrations().is_empty());
+    let warned = learned
+        .events
+        .iter()
+        .any(|event| matches!(&event.message, Message::Log(log) if log.message.starts_with("never seen still")));
+    assert!(warned);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    #[test]
+    fn a_restored_engine_says_what_an_undisturbed_one_says(cut in 0_usize..6000) {
+        let session = Session::new().accelerometer(truth()).rests(&cube(), 3.0).rests(&cube()[..3], 2.0);
+        let whole = learn(&session, config());
+        let mut engine = Engine::new(config());
+        let mut events = Vec::new();
+        for (i, (sensor, sample)) in session.samples.iter().enumerate() {
+            if i == cut {
+                engine = serde_json::from_str(&serde_json::to_string(&engine).unwrap()).unwrap();
+            }
+            engine.push(*sensor, sample, &mut events);
+        }
+        engine.finish(&mut events);
+        prop_assert_eq!(format!("{events:?}"), format!("{:?}", whole.events));
+    }
+
+    #[test]
+    fn any_plausible_sensor_is_recovered_within_its_bars(
+        bias in proptest::array::uniform3(-3.0..3.0),
+        scale in proptest::array::uniform3(0.9..1.1),
+    ) {
+        let truth = Calibration { bias: bias.into(), sensitivity: Matrix3::from_diagonal(&Vector3::from(scale)) };
+        let accelerometer = learn(&Session::new().accelerometer(truth).rests(&cube(), 3.0), config()).accelerometer();
+        let deviations = (vector(&accelerometer.bias) - truth.bias).component_div(&vector(&accelerometer.bias_std));
+        prop_assert!(deviations.amax() < 4.0, "{deviations}");
+        let deviations =
+            (vector(&accelerometer.scale) - truth.sensitivity.diagonal()).component_div(&vector(&accelerometer.scale_std));
+        prop_assert!(deviations.amax() < 4.0, "{deviations}");
+    }
+}

@@ -1,0 +1,181 @@
+use std::collections::BTreeMap;
+
+use mcap::read::{ChunkFlattener, Options, Summary};
+use mcap::records::Record;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use proptest::prelude::*;
+use stillpoint::record::{Block, Error, Fold, Sidecar, Tail, Topic};
+
+use crate::drive::{Told, blocks, fold, messages, scan, settings, topics};
+use crate::recordings::{Recipe, mistreated, recipes, shared};
+use crate::records::{channel, chunk, message, record, recording, schema};
+
+proptest! {
+    #[test]
+    fn an_annotated_recording_is_read_by_others(recipe in recipes()) {
+        let file = recipe.write();
+        let out = fold(&file, &topics(), &blocks());
+        read_with_all_crcs(&out);
+        let summary = Summary::read(&out).unwrap().unwrap();
+        let statistics = summary.stats.unwrap();
+        prop_assert_eq!(statistics.message_count as usize, recipe.messages.len() + 5);
+        prop_assert_eq!(statistics.attachment_count as usize, recipe.attachments.len() + 1);
+        prop_assert_eq!(statistics.metadata_count as usize, recipe.metadata + 1);
+        prop_assert_eq!(summary.attachment_indexes.len(), recipe.attachments.len() + 1);
+        let loose = !recipe.chunked && !recipe.messages.is_empty();
+        prop_assert_eq!(summary.chunk_indexes.is_empty(), loose);
+        prop_assert_eq!(all_messages(&out), expected_messages(&file));
+        let data_end = scan(&out).1.prefix() as usize;
+        prop_assert_eq!(out[data_end + 9..data_end + 13] != [0; 4], recipe.data_crc);
+    }
+
+    #[test]
+    fn what_is_whole_in_a_damaged_recording_is_still_there_when_annotated(file in mistreated()) {
+        let out = fold(&file, &topics(), &blocks());
+        let (told, inventory) = scan(&out);
+        prop_assert!(inventory.is_finished());
+        let (original, _) = scan(&file);
+        let (before, after) = (messages(&original), messages(&told));
+        prop_assert_eq!(before.len() + 5, after.len());
+        prop_assert_eq!(&before[..], &after[..before.len()]);
+        prop_assert!(Summary::read(&out).unwrap().is_some());
+    }
+}
+
+#[test]
+fn the_annotated_recordings_of_others_are_read_by_others() {
+    for (_, file) in shared() {
+        let out = fold(&file, &topics(), &blocks());
+        read_with_all_crcs(&out);
+        assert!(Summary::read(&out).unwrap().is_some());
+        assert_eq!(all_messages(&out), expected_messages(&file));
+    }
+}
+
+#[test]
+fn a_block_without_annotations_writes_no_chunk() {
+    let file = Recipe::plain().write();
+    let without = fold(&file, &topics(), &[]);
+    assert_eq!(fold(&file, &topics(), &[Block::default()]), without);
+}
+
+#[test]
+fn annotation_ids_are_the_lowest_that_are_free() {
+    let file = Recipe::plain().write();
+    let out = fold(&file, &topics(), &blocks());
+    let (before, after) = (scan(&file).1, scan(&out).1);
+    let ids: Vec<u16> = after.channels().keys().copied().collect();
+    assert_eq!(before.channels().len(), 3);
+    let free: Vec<u16> = (1..).filter(|id| !before.channels().contains_key(id)).take(3).collect();
+    assert!(free.iter().all(|id| ids.contains(id)), "{free:?} of {ids:?}");
+    let schemas: Vec<&str> = after.schemas().values().map(|schema| &schema.name[..]).collect();
+    assert_eq!(schemas, ["sensor_msgs/msg/Imu", "stillpoint.segment", "stillpoint.calibration"]);
+}
+
+#[test]
+fn a_recording_without_free_ids_is_refused() {
+    let topic = topics().remove(0);
+    let many: Vec<Topic> = (0..=65535).map(|n| Topic { name: format!("/{n}"), ..topic.clone() }).collect();
+    let (inventory, tail) = (scan(&Recipe::plain().write()).1, Tail::default());
+    let refused = Fold::open(inventory, tail, &BTreeMap::new(), &many).err().unwrap();
+    assert!(matches!(refused, Error::NoFreeId { kind: "channel" }));
+    assert!(refused.to_string().contains("--sidecar"));
+}
+
+#[test]
+fn a_sidecar_is_a_recording_of_its_own() {
+    let (mut sidecar, mut out) = Sidecar::open("ros2", &settings());
+    for block in blocks() {
+        out.extend(sidecar.block(&topics(), &block).unwrap());
+    }
+    out.extend(sidecar.close());
+    read_with_all_crcs(&out);
+    let (told, inventory) = scan(&out);
+    assert_eq!((inventory.profile(), inventory.damage(), messages(&told).len()), ("ros2", 0, 5));
+    assert_eq!(inventory.channels().keys().copied().collect::<Vec<u16>>(), [1, 2, 3]);
+    assert_eq!(Summary::read(&out).unwrap().unwrap().chunk_indexes.len(), 2);
+}
+
+/// Reads every record with the `mcap` crate, all CRCs on.
+fn read_with_all_crcs(file: &[u8]) {
+    let options = LinearReaderOptions::default()
+        .with_prevalidate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true)
+        .with_check_finishes_after_end_magic(true);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut rest = file;
+    while let Some(event) = reader.next_event() {
+        match event.unwrap() {
+            LinearReadEvent::ReadRequest(length) => {
+                let (now, later) = rest.split_at(length.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            LinearReadEvent::Record { opcode, data } => drop(mcap::parse_record(opcode, data).unwrap()),
+        }
+    }
+    assert!(rest.is_empty());
+}
+
+type Flat = (String, u32, u64, Vec<u8>);
+
+/// Topic, sequence, log time and data of all messages, by the `mcap` crate.
+fn all_messages(file: &[u8]) -> Vec<Flat> {
+    let mut topics = BTreeMap::new();
+    let flat = ChunkFlattener::new_with_options(file, Options::ValidateChunkCrcs.into()).unwrap();
+    flat.filter_map(|record| match record.unwrap() {
+        Record::Channel(channel) => {
+            topics.insert(channel.id, channel.topic);
+            None
+        }
+        Record::Message { header, data } => {
+            let topic = topics.get(&header.channel_id).cloned().unwrap_or_default();
+            Some((topic, header.sequence, header.log_time, data.into_owned()))
+        }
+        _ => None,
+    })
+    .collect()
+}
+
+/// Those of the original, by our own scan, and behind them the annotations.
+fn expected_messages(file: &[u8]) -> Vec<Flat> {
+    let (told, inventory) = scan(file);
+    let original = told.into_iter().filter_map(|event| match event {
+        Told::Message { channel, sequence, log_time, data, .. } => {
+            let topic = inventory.channels().get(&channel).map(|channel| channel.topic.clone());
+            Some((topic.unwrap_or_default(), sequence, log_time, data))
+        }
+        _ => None,
+    });
+    let annotations = blocks().into_iter().flat_map(|block| block.annotations).map(|annotation| {
+        let topic = topics().swap_remove(annotation.topic).name;
+        (topic, annotation.sequence, annotation.log_time, annotation.data)
+    });
+    original.chain(annotations).collect()
+}
+
+#[test]
+fn what_only_the_summary_knew_is_kept_in_both_sections() {
+    let private = record(0xA0, b"of the recorder");
+    let file = recording(&[chunk(&message(7, 5))], &[schema(3), channel(7, 3), private.clone()]);
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let kept = |bytes: &[u8], needle: &[u8]| bytes.windows(needle.len()).filter(|found| found == &needle).count();
+    // Once in the kept tail, once in the data section, once in the summary; the private record is no data.
+    assert_eq!((kept(&out, &channel(7, 3)), kept(&out, &private)), (3, 2));
+    let topic = &Summary::read(&out).unwrap().unwrap().channels[&7].topic;
+    assert_eq!(topic, "/topic7");
+}
+
+#[test]
+fn beside_messages_outside_chunks_no_chunk_is_indexed() {
+    let file = recording(&[channel(1, 0), chunk(&message(1, 5)), message(1, 6)], &[]);
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let summary = Summary::read(&out).unwrap().unwrap();
+    let statistics = summary.stats.unwrap();
+    assert_eq!((summary.chunk_indexes.len(), statistics.chunk_count, statistics.message_count), (0, 1, 7));
+    assert_eq!(all_messages(&out), expected_messages(&file));
+}

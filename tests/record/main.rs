@@ -1,0 +1,9 @@
+//! Recordings are scanned for all that is whole in them, and annotated without losing a byte.
+#![allow(clippy::unwrap_used)]
+
+mod drive;
+mod folding;
+mod recognising;
+mod recordings;
+mod records;
+mod scanning;
