@@ -107,7 +107,7 @@ impl Encoder {
             Wire::Xcdr2 { big } => (big, 4),
             Wire::Ros1 => (false, 1),
         };
-        while self.body.len() % little_endian.len().min(greatest) != 0 {
+        while !self.body.len().is_multiple_of(little_endian.len().min(greatest)) {
             self.body.push(0xaa);
         }
         match big {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use stillpoint::imu::{ImuConfig, Intake, SecondaryConfig, Sensor};
+use stillpoint::imu::{ImuConfig, Intake, Sample, SecondaryConfig, Sensor};
 use stillpoint::record;
 
 /// The real recordings, or none where they are absent.
@@ -77,4 +77,41 @@ fn every_message_decodes_to_the_numbers_of_an_independent_reader() {
     }
     let expected = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/decode_ros2.expected");
     assert_eq!(found, std::fs::read_to_string(expected).unwrap());
+}
+
+/// All samples of a recording, in its order.
+fn samples(path: &std::path::Path) -> Vec<(Sensor, Sample)> {
+    let bytes = std::fs::read(path).unwrap();
+    let mut intake = Intake::new(&[]);
+    let mut samples = Vec::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let (channel, schema) = channel(&message.channel);
+        intake.channel(&channel, schema.as_ref());
+        intake.message(channel.id, message.log_time, &message.data, &mut |_, sensor, sample| {
+            samples.push((sensor, sample));
+        });
+    }
+    assert_eq!(intake.faults(), []);
+    samples
+}
+
+#[test]
+fn the_same_session_in_ros_1_and_ros_2_gives_the_same_samples() {
+    let Some(folder) = recordings() else { return };
+    let ros2 = samples(&folder.join("nilspod_six_face.ros2.mcap"));
+    assert_eq!(ros2.len(), 2 * 10_376);
+    assert_eq!(samples(&folder.join("nilspod_six_face.ros1.mcap")), ros2);
+}
+
+#[test]
+fn recordings_of_ros_1_drives_are_read() {
+    let Some(folder) = recordings() else { return };
+    for (file, messages) in [("robot_localization_test1.mcap", 11_865), ("robot_localization_test2.mcap", 3_061)] {
+        let samples = samples(&folder.join(file));
+        assert_eq!(samples.len(), 2 * messages);
+        let gravity = samples.iter().filter(|(sensor, _)| *sensor == Sensor::Accelerometer);
+        let mean = gravity.map(|(_, sample)| sample.value.norm()).sum::<f64>() / messages as f64;
+        assert!((9.0..11.0).contains(&mean), "{file}: {mean}");
+    }
 }

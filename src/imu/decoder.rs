@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::{Layout, PathError, Place, Wire};
+use super::layout::{Layout, Place, Wire};
+use super::lookup::PathError;
 use super::plan::{Plan, Rules};
 use super::walk::Malformed;
 

@@ -7,7 +7,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::known::{known, suggestion};
-use super::layout::{Layout, nearest};
+use super::layout::Layout;
+use super::lookup::nearest;
 use super::route::{Route, Tap};
 use super::source::Source;
 use super::verdict::{Cause, Fault, Notice, Use, Verdict};

@@ -1,7 +1,7 @@
 //! What the messages of a channel hold, whatever language the schema was written in. How they are laid out in bytes is
 //! left to [`Decoder`](super::Decoder).
 
-use super::path::{FieldPath, Segment};
+use super::path::FieldPath;
 use super::rosmsg;
 use crate::record::Schema;
 
@@ -118,49 +118,6 @@ pub enum SchemaError {
     },
 }
 
-/// Why a path leads to nothing usable.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum PathError {
-    /// There is no such field.
-    #[error("{message} has no field `{path}`{}", nearest.as_ref().map(|n| format!("; the nearest is `{n}`")).unwrap_or_default())]
-    Missing {
-        /// Type of the message.
-        message: String,
-        /// What was asked for.
-        path: String,
-        /// The existing field that is spelt most like it.
-        nearest: Option<String>,
-    },
-    /// The field is something else.
-    #[error("`{path}` of {message} is {found}, not {wanted}")]
-    Wrong {
-        /// Type of the message.
-        message: String,
-        /// What was asked for.
-        path: String,
-        /// What it is.
-        found: String,
-        /// What it would have to be.
-        wanted: &'static str,
-    },
-    /// The field stands behind one whose size on the wire is ambiguous.
-    #[error("`{path}` of {message} stands behind a wstring, whose size in bytes differs from writer to writer")]
-    BehindWideText {
-        /// Type of the message.
-        message: String,
-        /// What was asked for.
-        path: String,
-    },
-    /// Unrolled, the message has more fields than any real one.
-    #[error("{message} has more than {most} fields")]
-    TooLarge {
-        /// Type of the message.
-        message: String,
-        /// How many are read.
-        most: usize,
-    },
-}
-
 impl Layout {
     /// The layout that a schema describes, for messages of the given encoding.
     ///
@@ -187,143 +144,7 @@ impl Layout {
     pub fn name(&self) -> &str {
         self.messages.first().map_or("", |root| &root.name)
     }
-
-    /// Where the three axes of a vector stand, if `path` leads to a message with `x`, `y`, `z` or to a list of three.
-    ///
-    /// # Errors
-    /// If it leads nowhere, or to something else.
-    pub fn vector(&self, path: &FieldPath) -> Result<[Place; 3], PathError> {
-        let found = self.find(path)?;
-        match (found.kind, found.count) {
-            (Kind::Message(_), Count::One) => {
-                let axis = |name| self.number(&path.join(name));
-                Ok([axis("x")?, axis("y")?, axis("z")?])
-            }
-            (Kind::Number(_), Count::Array(3) | Count::Sequence) => {
-                let axis = |element| self.number(&path.element(element));
-                Ok([axis(0)?, axis(1)?, axis(2)?])
-            }
-            _ => Err(self.wrong(path, &found, "a message with x, y, z or a list of three numbers")),
-        }
-    }
-
-    /// Where a number stands.
-    ///
-    /// # Errors
-    /// If `path` leads nowhere, or to something else.
-    pub fn number(&self, path: &FieldPath) -> Result<Place, PathError> {
-        let found = self.find(path)?;
-        match (found.kind, found.count) {
-            (Kind::Number(number), Count::One) if number != Number::Bool => {
-                Ok(Place { path: path.clone(), hops: found.hops })
-            }
-            _ => Err(self.wrong(path, &found, "a number")),
-        }
-    }
-
-    /// Where a text stands.
-    ///
-    /// # Errors
-    /// If `path` leads nowhere, or to something else.
-    pub fn text(&self, path: &FieldPath) -> Result<Place, PathError> {
-        let found = self.find(path)?;
-        match (found.kind, found.count) {
-            (Kind::Text, Count::One) => Ok(Place { path: path.clone(), hops: found.hops }),
-            _ => Err(self.wrong(path, &found, "a text")),
-        }
-    }
-
-    /// Paths of all vectors: messages with `x`, `y`, `z` and no `w`, and arrays of three floating point numbers.
-    pub fn vectors(&self) -> Vec<FieldPath> {
-        let mut paths = vec![FieldPath::default()];
-        self.collect(0, &FieldPath::default(), &mut paths);
-        paths.retain(|path| {
-            let quaternion = self.find(&path.join("w")).is_ok();
-            let float = |place: &Place| {
-                self.find(&place.path).is_ok_and(|f| matches!(f.kind, Kind::Number(Number::F32 | Number::F64)))
-            };
-            let list = self.find(path).is_ok_and(|f| f.count == Count::Sequence);
-            !quaternion && !list && self.vector(path).is_ok_and(|axes| axes.iter().all(float))
-        });
-        paths
-    }
-
-    fn find(&self, path: &FieldPath) -> Result<Found, PathError> {
-        let mut found = Found { hops: Vec::new(), kind: Kind::Message(0), count: Count::One };
-        for segment in path.segments() {
-            found = self.step(found, segment).ok_or_else(|| self.missing(path))?;
-        }
-        Ok(found)
-    }
-
-    fn step(&self, from: Found, segment: &Segment) -> Option<Found> {
-        let (Kind::Message(message), Count::One) = (from.kind, from.count) else { return None };
-        let fields = &self.messages.get(message)?.fields;
-        let field = fields.iter().position(|field| field.name == segment.name)?;
-        let Field { kind, count, .. } = *fields.get(field)?;
-        let count = match (segment.element, count) {
-            (None, count) => count,
-            (Some(element), Count::Array(n)) if element < n => Count::One,
-            (Some(element), Count::Sequence) if element < MAX_ELEMENT => Count::One,
-            _ => return None,
-        };
-        let mut hops = from.hops;
-        hops.push(Hop { field, element: segment.element });
-        Some(Found { hops, kind, count })
-    }
-
-    fn missing(&self, path: &FieldPath) -> PathError {
-        let mut paths = Vec::new();
-        self.collect(0, &FieldPath::default(), &mut paths);
-        let wanted = path.to_string();
-        let nearest = nearest(&wanted, paths.iter().map(FieldPath::to_string));
-        PathError::Missing { message: self.name().to_owned(), path: wanted, nearest }
-    }
-
-    fn wrong(&self, path: &FieldPath, found: &Found, wanted: &'static str) -> PathError {
-        let kind = match found.kind {
-            Kind::Number(number) => format!("{number:?}").to_lowercase(),
-            Kind::Text => "a string".to_owned(),
-            Kind::WideText => "a wstring".to_owned(),
-            Kind::Message(id) => self.messages.get(id).map_or_else(String::new, |m| m.name.clone()),
-        };
-        let found = match found.count {
-            Count::One => kind,
-            Count::Array(n) => format!("{kind}[{n}]"),
-            Count::Sequence => format!("{kind}[]"),
-        };
-        let path = path.to_string();
-        PathError::Wrong { message: self.name().to_owned(), path, found, wanted }
-    }
-
-    /// Appends the paths of the fields of `message` and of the messages inside it, but not inside its lists.
-    fn collect(&self, message: usize, path: &FieldPath, paths: &mut Vec<FieldPath>) {
-        let Some(message) = self.messages.get(message) else { return };
-        for field in &message.fields {
-            if paths.len() >= MAX_PATHS {
-                return;
-            }
-            let path = path.join(&field.name);
-            paths.push(path.clone());
-            if let (Kind::Message(inner), Count::One) = (field.kind, field.count) {
-                self.collect(inner, &path, paths);
-            }
-        }
-    }
 }
-
-/// What a path leads to.
-struct Found {
-    hops: Vec<Hop>,
-    kind: Kind,
-    count: Count,
-}
-
-/// Elements of a sequence that can be asked for; a message with fewer is refused.
-const MAX_ELEMENT: u32 = 64;
-
-/// How many paths are looked at for suggestions.
-const MAX_PATHS: usize = 4096;
 
 impl Number {
     /// How many bytes it takes, which is also what XCDR1 aligns it to.
@@ -335,16 +156,4 @@ impl Number {
             Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
-}
-
-/// The candidate that is spelt most like `wanted`, the first of several.
-pub(super) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
-    let mut best = None;
-    for candidate in candidates {
-        let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);
-        if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
-            best = Some((score, candidate));
-        }
-    }
-    best.map(|(_, candidate)| candidate)
 }

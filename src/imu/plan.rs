@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::{Count, Field, Hop, Kind, Layout, Number, PathError, Place};
+use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place};
+use super::lookup::PathError;
 
 /// Steps through a message, and what to read on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,8 +79,9 @@ impl Plan {
             Err(Stop::TooLarge) => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_FIELDS }),
             Ok(()) | Err(Stop::WideText) if compiler.met == goals.len() => Ok(compiler.plan),
             Ok(()) | Err(Stop::WideText) => {
-                let behind = |place: &Place| Self::new(layout, std::slice::from_ref(place), None, rules).is_err();
-                let path = numbers.iter().find(|place| behind(place)).or(text).map(|place| place.path.to_string());
+                let read = |slot| compiler.plan.gets.iter().any(|get| get.slot == slot);
+                let behind = numbers.iter().enumerate().find(|&(slot, _)| !read(slot)).map(|(_, place)| place);
+                let path = behind.or(text).map(|place| place.path.to_string());
                 let message = layout.name().to_owned();
                 Err(PathError::BehindWideText { message, path: path.unwrap_or_default() })
             }

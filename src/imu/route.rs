@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::config::VectorPath;
 use super::decoder::Decoder;
-use super::layout::{Layout, PathError, Place};
+use super::layout::{Layout, Place};
+use super::lookup::PathError;
 use super::path::FieldPath;
 use super::source::Request;
 use super::verdict::{Cause, Counts};
@@ -144,7 +145,7 @@ impl Axes {
         };
         let places = layout.vector(&whole)?;
         let covariance = whole.parent().map(|parent| parent.join(&format!("{}_covariance", whole.name())).element(0));
-        let covariance = covariance.and_then(|path| layout.number(&path).ok());
+        let covariance = covariance.and_then(|path| layout.find_number(&path));
         Ok(Self { path: whole, places, covariance })
     }
 
@@ -185,8 +186,8 @@ impl Header {
         let stamp = path.join("stamp");
         let names = [("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanos")];
         let places = names.iter().find_map(|(seconds, nanos)| {
-            Some([layout.number(&stamp.join(seconds)).ok()?, layout.number(&stamp.join(nanos)).ok()?])
+            Some([layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
         });
-        Some(Self { stamp: places?, frame: layout.text(&path.join("frame_id")).ok() })
+        Some(Self { stamp: places?, frame: layout.find_text(&path.join("frame_id")) })
     }
 }

@@ -1,0 +1,200 @@
+//! Finding fields in a layout by their paths, with an answer that helps where there is none.
+
+use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place};
+use super::path::{FieldPath, Segment};
+
+/// Why a path leads to nothing usable.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathError {
+    /// There is no such field.
+    #[error("{message} has no field `{path}`{}", nearest.as_ref().map(|n| format!("; the nearest is `{n}`")).unwrap_or_default())]
+    Missing {
+        /// Type of the message.
+        message: String,
+        /// What was asked for.
+        path: String,
+        /// The existing field that is spelt most like it.
+        nearest: Option<String>,
+    },
+    /// The field is something else.
+    #[error("`{path}` of {message} is {found}, not {wanted}")]
+    Wrong {
+        /// Type of the message.
+        message: String,
+        /// What was asked for.
+        path: String,
+        /// What it is.
+        found: String,
+        /// What it would have to be.
+        wanted: &'static str,
+    },
+    /// The field stands behind one whose size on the wire is ambiguous.
+    #[error("`{path}` of {message} stands behind a wstring, whose size in bytes differs from writer to writer")]
+    BehindWideText {
+        /// Type of the message.
+        message: String,
+        /// What was asked for.
+        path: String,
+    },
+    /// Unrolled, the message has more fields than any real one.
+    #[error("{message} has more than {most} fields")]
+    TooLarge {
+        /// Type of the message.
+        message: String,
+        /// How many are read.
+        most: usize,
+    },
+}
+
+impl Layout {
+    /// Where the three axes of a vector stand, if `path` leads to a message with `x`, `y`, `z` or to a list of three.
+    ///
+    /// # Errors
+    /// If it leads nowhere, or to something else.
+    pub fn vector(&self, path: &FieldPath) -> Result<[Place; 3], PathError> {
+        let axes = match self.find(path) {
+            Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
+                ["x", "y", "z"].map(|axis| path.join(axis))
+            }
+            Some(Found { kind: Kind::Number(_), count: Count::Array(3) | Count::Sequence, .. }) => {
+                [0, 1, 2].map(|axis| path.element(axis))
+            }
+            _ => return Err(self.why_not(path, "a message with x, y, z or a list of three numbers")),
+        };
+        let [x, y, z] = &axes;
+        Ok([self.number(x)?, self.number(y)?, self.number(z)?])
+    }
+
+    /// Where a number stands.
+    ///
+    /// # Errors
+    /// If `path` leads nowhere, or to something else.
+    pub fn number(&self, path: &FieldPath) -> Result<Place, PathError> {
+        self.find_number(path).ok_or_else(|| self.why_not(path, "a number"))
+    }
+
+    /// Where a text stands.
+    ///
+    /// # Errors
+    /// If `path` leads nowhere, or to something else.
+    pub fn text(&self, path: &FieldPath) -> Result<Place, PathError> {
+        self.find_text(path).ok_or_else(|| self.why_not(path, "a text"))
+    }
+
+    /// Paths of all vectors: messages with `x`, `y`, `z` and no `w`, and arrays of three floating point numbers.
+    pub fn vectors(&self) -> Vec<FieldPath> {
+        let mut paths = self.paths();
+        paths.retain(|path| self.is_vector(path));
+        paths
+    }
+
+    pub(super) fn find_number(&self, path: &FieldPath) -> Option<Place> {
+        let Found { kind: Kind::Number(number), count: Count::One, hops } = self.find(path)? else { return None };
+        (number != Number::Bool).then(|| Place { path: path.clone(), hops })
+    }
+
+    pub(super) fn find_text(&self, path: &FieldPath) -> Option<Place> {
+        let Found { kind: Kind::Text, count: Count::One, hops } = self.find(path)? else { return None };
+        Some(Place { path: path.clone(), hops })
+    }
+
+    fn is_vector(&self, path: &FieldPath) -> bool {
+        let is_float = |found: &Found| matches!(found.kind, Kind::Number(Number::F32 | Number::F64));
+        match self.find(path) {
+            Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
+                let is_axis = |name| self.find(&path.join(name)).is_some_and(|f| f.count == Count::One && is_float(&f));
+                ["x", "y", "z"].into_iter().all(is_axis) && self.find(&path.join("w")).is_none()
+            }
+            Some(list) => list.count == Count::Array(3) && is_float(&list),
+            None => false,
+        }
+    }
+
+    fn find(&self, path: &FieldPath) -> Option<Found> {
+        let root = Found { hops: Vec::new(), kind: Kind::Message(0), count: Count::One };
+        path.segments().iter().try_fold(root, |found, segment| self.step(found, segment))
+    }
+
+    fn step(&self, from: Found, segment: &Segment) -> Option<Found> {
+        let (Kind::Message(message), Count::One) = (from.kind, from.count) else { return None };
+        let fields = &self.messages.get(message)?.fields;
+        let field = fields.iter().position(|field| field.name == segment.name)?;
+        let Field { kind, count, .. } = *fields.get(field)?;
+        let count = match (segment.element, count) {
+            (None, count) => count,
+            (Some(element), Count::Array(n)) if element < n => Count::One,
+            (Some(element), Count::Sequence) if element < MAX_ELEMENT => Count::One,
+            _ => return None,
+        };
+        let mut hops = from.hops;
+        hops.push(Hop { field, element: segment.element });
+        Some(Found { hops, kind, count })
+    }
+
+    fn why_not(&self, path: &FieldPath, wanted: &'static str) -> PathError {
+        let (message, text) = (self.name().to_owned(), path.to_string());
+        let Some(found) = self.find(path) else {
+            let nearest = nearest(&text, self.paths().iter().skip(1).map(FieldPath::to_string));
+            return PathError::Missing { message, path: text, nearest };
+        };
+        let kind = match found.kind {
+            Kind::Number(number) => format!("{number:?}").to_lowercase(),
+            Kind::Text => "a string".to_owned(),
+            Kind::WideText => "a wstring".to_owned(),
+            Kind::Message(id) => self.messages.get(id).map_or_else(String::new, |m| m.name.clone()),
+        };
+        let found = match found.count {
+            Count::One => kind,
+            Count::Array(n) => format!("{kind}[{n}]"),
+            Count::Sequence => format!("{kind}[]"),
+        };
+        PathError::Wrong { message, path: text, found, wanted }
+    }
+
+    /// Paths of the message itself and of all fields that are not inside lists.
+    fn paths(&self) -> Vec<FieldPath> {
+        let mut paths = vec![FieldPath::default()];
+        self.collect(0, &FieldPath::default(), &mut paths);
+        paths
+    }
+
+    /// Appends the paths of the fields of `message` and of the messages inside it, but not inside its lists.
+    fn collect(&self, message: usize, path: &FieldPath, paths: &mut Vec<FieldPath>) {
+        let Some(message) = self.messages.get(message) else { return };
+        for field in &message.fields {
+            if paths.len() >= MAX_PATHS {
+                return;
+            }
+            let path = path.join(&field.name);
+            paths.push(path.clone());
+            if let (Kind::Message(inner), Count::One) = (field.kind, field.count) {
+                self.collect(inner, &path, paths);
+            }
+        }
+    }
+}
+
+/// What a path leads to.
+struct Found {
+    hops: Vec<Hop>,
+    kind: Kind,
+    count: Count,
+}
+
+/// Elements of a sequence that can be asked for; a message with fewer is refused.
+const MAX_ELEMENT: u32 = 64;
+
+/// How many paths are looked at for suggestions.
+const MAX_PATHS: usize = 4096;
+
+/// The candidate that is spelt most like `wanted`, the first of several.
+pub(super) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
+    let mut best = None;
+    for candidate in candidates {
+        let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);
+        if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
+            best = Some((score, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
