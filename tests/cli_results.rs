@@ -108,7 +108,7 @@ fn the_json_result_holds_what_the_truth_says() {
     let result = folder.say("annotate demo.mcap --json").ok().json();
     assert_eq!(result["input"], "demo.mcap");
     assert_eq!(result["output"], "demo.annotated.mcap");
-    assert_eq!(result["rests"], json!({"found": 8, "accepted": 8, "rejected": 0}));
+    assert_eq!(result["rests"], json!({"found": 9, "accepted": 9, "rejected": 0}));
     assert_eq!(result["damage"]["count"], 0);
     assert!(result["messages"].as_u64().unwrap() > 1000);
     let imu = &result["imus"][0];
@@ -171,7 +171,7 @@ fn quiet_is_quiet_and_the_result_alone_is_on_standard_output() {
     assert_eq!((run.stdout.as_str(), run.stderr.as_str()), ("", ""));
     let run = folder.say("annotate demo.mcap -o b.mcap").ok();
     assert_eq!(run.stdout, "");
-    for word in ["8 found", "+X 2×", "bias m/s²", "±", "next", "wrote b.mcap"] {
+    for word in ["9 found", "+X 2×", "bias m/s²", "±", "next", "wrote b.mcap"] {
         assert!(run.stderr.contains(word), "no {word:?} in {}", run.stderr);
     }
     assert!(run.stderr.lines().all(|line| line.chars().count() <= 100), "{}", run.stderr);
