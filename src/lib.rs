@@ -48,3 +48,8 @@ mod stamp;
 
 pub use error::Error;
 pub use stamp::Stamp;
+
+/// The example of the README runs, too.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
