@@ -3,7 +3,7 @@
 use console::style;
 use serde_json::{Value, json};
 use stillpoint::Error;
-use stillpoint::imu::Verdict;
+use stillpoint::imu::{Sensor, Verdict};
 use stillpoint::run::{self, Channels, Recording, Stop, Use};
 
 use super::progress::Progress;
@@ -27,10 +27,6 @@ pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
 
 fn machine(channels: &Channels) -> Value {
     let channel = |used: &Use| {
-        let suggestion = match &used.verdict {
-            Verdict::Other { suggestion, .. } => suggestion.as_deref(),
-            _ => None,
-        };
         json!({
             "topic": used.channel.topic,
             "type": used.schema,
@@ -39,7 +35,7 @@ fn machine(channels: &Channels) -> Value {
             "hz": channels.rate(used),
             "used": matches!(used.verdict, Verdict::Used(_)),
             "verdict": used.verdict.to_string(),
-            "configuration": suggestion,
+            "configuration": mapping(used, channels),
         })
     };
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
@@ -61,16 +57,31 @@ fn people(channels: &Channels) -> String {
     }
     let mut lines = table.lines("");
     for used in &channels.channels {
-        if let Verdict::Other { suggestion: Some(suggestion), .. } = &used.verdict {
+        if let Some(mapping) = mapping(used, channels) {
             lines.push(String::new());
             lines.push(format!(
                 "# To calibrate {}, put these lines into a file and pass it with -c:",
                 used.channel.topic
             ));
-            lines.extend(suggestion.lines().map(str::to_owned));
+            lines.extend(mapping.lines().map(str::to_owned));
         }
     }
     lines.extend(channels.notes.iter().cloned());
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The configuration that would map a channel, if the names tell.
+fn mapping(used: &Use, channels: &Channels) -> Option<String> {
+    let Verdict::Other { suggestion: Some(suggestion), .. } = &used.verdict else { return None };
+    if !suggestion.starts_with("[[imu.") {
+        return Some(suggestion.clone());
+    }
+    // A part of an IMU needs the IMU that it is a part of.
+    let is_primary = |other: &&Use| match &other.verdict {
+        Verdict::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
+        _ => false,
+    };
+    let primary = &channels.channels.iter().find(is_primary)?.channel.topic;
+    Some(format!("[[imu]]\ntopic = {primary:?}\n\n{suggestion}"))
 }
