@@ -40,7 +40,7 @@ use self::publish::Publisher;
 use self::solve::Solution;
 use crate::Stamp;
 use crate::fit::{self, Fixture, guess};
-use crate::imu::{Sample, Sensor};
+use crate::imu::{Preset, Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
 use crate::still::{self, Outcome, Segmenter, State};
@@ -80,12 +80,23 @@ pub struct Config {
     pub accelerometer: String,
     /// Topic of the gyroscope.
     pub gyroscope: String,
-    /// Names and topics of the secondary accelerometers.
-    pub secondary: Vec<(String, String)>,
+    /// The secondary accelerometers.
+    pub secondary: Vec<Secondary>,
     /// How rests are found.
     pub still: still::Config,
     /// How a calibration is fitted.
     pub fit: fit::Config,
+}
+
+/// A further accelerometer that moves with the IMU.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Secondary {
+    /// What it is called in the annotations.
+    pub name: String,
+    /// Its topic.
+    pub topic: String,
+    /// Which sensor it is, if that is known.
+    pub preset: Option<Preset>,
 }
 
 /// Learns the calibration of one IMU.
@@ -180,7 +191,7 @@ impl Engine {
             let Ok(fit) = &accelerometer else { break };
             calibration = fit.calibration;
         }
-        solve::others(entries, &config.fit, fixture, config.secondary.len(), accelerometer)
+        solve::others(entries, config, fixture, accelerometer)
     }
 
     /// Says what has changed: segments, then coverage, then calibration.

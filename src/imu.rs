@@ -11,6 +11,7 @@ mod layout;
 mod lookup;
 mod path;
 mod plan;
+mod preset;
 mod rosmsg;
 mod route;
 mod source;
@@ -23,6 +24,7 @@ pub use intake::{Imu, Intake, MissingTopic, Triad};
 pub use layout::{Layout, Place, SchemaError};
 pub use lookup::PathError;
 pub use path::{FieldPath, PathSyntaxError};
+pub use preset::Preset;
 pub use verdict::{Cause, Fault, Notice, Use, Verdict};
 pub use walk::Malformed;
 

@@ -6,7 +6,7 @@ mod session;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
-use stillpoint::engine::{Config, Engine, Event, Message};
+use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit::{self, Bounds, Calibration, Estimator};
 use stillpoint::messages::segment::Reason;
 use stillpoint::messages::triad::Status;
@@ -210,7 +210,7 @@ fn a_secondary_is_calibrated_on_the_primary_over_tilted_rests_too() {
     let oblique: Vec<_> = (0..4).map(|i| tilted(cube()[i], 30.0)).collect();
     let session = Session::new().accelerometer(truth()).secondary(highg).rests(&cube(), 5.0).rests(&oblique, 5.0);
     let mut config = config();
-    config.secondary = vec![("highg".to_owned(), "/highg".to_owned())];
+    config.secondary = vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }];
     let learned = learn(&session, config);
     let secondary = learned.calibrations().last().unwrap().secondary[0].clone();
     assert_eq!(secondary.sensor, "highg");

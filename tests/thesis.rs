@@ -4,15 +4,24 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use nalgebra::Vector3;
-use stillpoint::engine::{Config, Engine, Event, Message};
+use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit;
+use stillpoint::imu::Preset;
 use stillpoint::messages::segment::Reason;
 use stillpoint::messages::{Calibration, Segment, Triad, Vector3 as Numbers};
 use stillpoint::simulate::{Scenario, TriadTruth, Truth, samples};
 
 fn learn(scenario: &Scenario) -> (Truth, Vec<Event>) {
     let truth = Truth::of(scenario).unwrap();
-    let secondary = truth.secondary.iter().map(|triad| (triad.sensor.clone(), triad.topic.clone())).collect();
+    let secondary = truth
+        .secondary
+        .iter()
+        .map(|triad| Secondary {
+            name: triad.sensor.clone(),
+            topic: triad.topic.clone(),
+            preset: Some(Preset::Adxl375),
+        })
+        .collect();
     let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
     let mut engine = Engine::new(Config { secondary, fit, ..Config::default() });
     let mut events = Vec::new();

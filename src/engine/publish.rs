@@ -3,10 +3,10 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::Config;
 use super::book::{Book, Entry};
 use super::solve::Solution;
 use super::words;
+use super::{Config, Secondary};
 use crate::Stamp;
 use crate::fit::accelerometer::worst_case_error;
 use crate::fit::{Calibration, Fixture, Shape};
@@ -78,7 +78,7 @@ pub(super) fn segment(
     let secondary = rest.secondary.iter().zip(&config.secondary);
     let means = std::iter::once(("accelerometer", &rest.accelerometer))
         .chain(rest.gyroscope.as_ref().map(|mean| ("gyroscope", mean)))
-        .chain(secondary.filter_map(|(mean, (name, _))| Some((name.as_str(), mean.as_ref()?))));
+        .chain(secondary.filter_map(|(mean, secondary)| Some((secondary.name.as_str(), mean.as_ref()?))));
     let face = verdict.face.and_then(|(face, _)| fixture.faces().get(face));
     messages::Segment {
         header: Some(header),
@@ -184,7 +184,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
 }
 
 fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
-    let (name, topic) = config.secondary.get(index).cloned().unwrap_or_default();
+    let Secondary { name, topic, .. } = config.secondary.get(index).cloned().unwrap_or_default();
     let named = named(&name, &topic);
     let fit = match solution.secondary.get(index) {
         Some(Ok(fit)) => fit,

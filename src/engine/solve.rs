@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use super::Config;
 use super::book::Entry;
 use crate::fit::accelerometer::{Assumptions, Gravity};
-use crate::fit::{self, Fixture, Shape, accelerometer, gyroscope, secondary};
+use crate::fit::{self, Bounds, Fixture, Shape, accelerometer, gyroscope, secondary};
 use crate::messages::segment::Reason;
 use crate::still::TriadMean;
 
@@ -49,12 +50,19 @@ pub(super) fn accelerometer(
 /// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
 pub(super) fn others(
     entries: &[Entry],
-    config: &fit::Config,
+    Config { fit: config, secondary, .. }: &Config,
     fixture: &Fixture,
-    secondaries: usize,
     accelerometer: Result<accelerometer::Fit, String>,
 ) -> Solution {
-    let secondary = (0..secondaries).map(|i| fit_secondary(entries, i, config, accelerometer.as_ref().ok())).collect();
+    let primary = accelerometer.as_ref().ok();
+    let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
+        let mut bounds = config.bounds.clone();
+        if let Some(preset) = secondary.preset {
+            (bounds.secondary_bias, bounds.secondary_scale) = (preset.bias(), preset.scale());
+        }
+        fit_secondary(entries, i, config.placement_std, &bounds, primary)
+    });
+    let secondary = secondary.collect();
     let rates = rates(entries);
     Solution {
         gravity: gravity(config),
@@ -121,7 +129,8 @@ fn fit_accelerometer(
 fn fit_secondary(
     entries: &[Entry],
     index: usize,
-    config: &fit::Config,
+    assumed_std: f64,
+    bounds: &Bounds,
     primary: Option<&accelerometer::Fit>,
 ) -> Result<secondary::Fit, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
@@ -141,7 +150,7 @@ fn fit_secondary(
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    secondary::fit(&pairs, primary, config.placement_std, &config.bounds).map_err(|error| error.to_string())
+    secondary::fit(&pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())
 }
 
 /// What the gyroscope read during each placement that is no turn.

@@ -8,7 +8,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
-use super::FieldPath;
+use super::{FieldPath, Preset};
 
 /// One IMU. Topics of well-known types need no table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
@@ -42,6 +42,9 @@ pub struct SecondaryConfig {
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
+    /// Which sensor it is: its datasheet's limits replace `fit.bounds`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
 }
 
 /// Where a vector stands in the messages of a topic. Written as a path, as three paths, or as a table.

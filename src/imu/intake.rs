@@ -12,7 +12,7 @@ use super::lookup::nearest;
 use super::route::{Route, Tap};
 use super::source::Source;
 use super::verdict::{Cause, Fault, Notice, Use, Verdict};
-use super::{ImuConfig, ImuId, Sample, Sensor};
+use super::{ImuConfig, ImuId, Preset, Sample, Sensor};
 use crate::record;
 
 /// Turns the messages of a recording into samples.
@@ -52,6 +52,8 @@ pub struct Triad {
     pub name: String,
     /// Topic that its readings come from.
     pub topic: String,
+    /// Which sensor it is, if the configuration says so.
+    pub preset: Option<Preset>,
 }
 
 /// A topic that the configuration names and the recording lacks.
@@ -257,8 +259,10 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, index: usize, fr
     let first = source.imus.is_empty();
     let gyro = route.taps.iter().any(|tap| (tap.source, tap.sensor) == (index, Sensor::Gyroscope));
     let triads = source.triads(gyro).filter(|(.., topic)| first || *topic == source.topic());
-    let triad =
-        |(sensor, name, topic): (_, &str, &str)| Triad { sensor, name: name.to_owned(), topic: topic.to_owned() };
+    let triad = |(sensor, name, topic): (_, &str, &str)| {
+        let preset = source.preset(sensor);
+        Triad { sensor, name: name.to_owned(), topic: topic.to_owned(), preset }
+    };
     let triads = triads.map(triad).collect();
     let silent = vec![true; 2 + source.secondaries()];
     let name = free_name(source.name(), (!first).then_some(&frame_id), imus);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{AccelUnit, ImuConfig, RateUnit, VectorConfig, VectorPath};
 use super::known::Known;
-use super::{ImuId, Sensor};
+use super::{ImuId, Preset, Sensor};
 
 /// One table of the configuration, or a topic that needs none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +32,14 @@ pub(super) struct Request<'a> {
 impl Source {
     pub(super) fn new(config: ImuConfig) -> Self {
         Self { config, imus: Vec::new() }
+    }
+
+    /// Which sensor a triad is, if the configuration says so.
+    pub(super) fn preset(&self, sensor: Sensor) -> Option<Preset> {
+        match sensor {
+            Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
+            Sensor::Accelerometer | Sensor::Gyroscope => None,
+        }
     }
 
     /// What its annotations are named after.

@@ -8,7 +8,7 @@ use super::findings::Findings;
 use crate::Stamp;
 use crate::annotate::Annotator;
 use crate::config::Config;
-use crate::engine::{self, Engine, Message};
+use crate::engine::{self, Engine, Message, Secondary};
 use crate::imu::{Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
@@ -187,7 +187,7 @@ fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
         if let Sensor::Secondary(i) = triad.sensor {
             secondary.resize_with(secondary.len().max(i + 1), Default::default);
             if let Some(place) = secondary.get_mut(i) {
-                *place = (triad.name.clone(), triad.topic.clone());
+                *place = Secondary { name: triad.name.clone(), topic: triad.topic.clone(), preset: triad.preset };
             }
         }
     }

@@ -6,7 +6,7 @@ mod session;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector3;
-use stillpoint::engine::{Config, Engine};
+use stillpoint::engine::{Config, Engine, Secondary};
 use stillpoint::fit::Calibration;
 
 use session::Session;
@@ -38,7 +38,8 @@ fn samples(criterion: &mut Criterion) {
 /// What a rest costs once 64 are remembered: judged, fitted, and put into messages, secondary included.
 fn refit(criterion: &mut Criterion) {
     let session = (0..11).fold(Session::new().secondary(Calibration::default()), |s, _| s.rests(&cube(), 2.0));
-    let config = Config { secondary: vec![("highg".to_owned(), "/highg".to_owned())], ..Config::default() };
+    let config =
+        Config { secondary: vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }], ..Config::default() };
     let mut engine = Engine::new(config);
     let mut events = Vec::new();
     for (sensor, sample) in &session.samples {
