@@ -1,6 +1,6 @@
 //! Samples in, events out: the rests found and the calibration they determine.
 //!
-//! One [`Engine`] a IMU. It reads no file and no clock, keeps constant memory, and says the same for the same samples,
+//! One [`Engine`] an IMU. It reads no file and no clock, keeps constant memory, and says the same for the same samples,
 //! whoever feeds it.
 //!
 //! ```
@@ -133,7 +133,8 @@ impl Engine {
         let outcome = self.segmenter.push(sensor, sample);
         let Outcome::Judged { changed } = outcome else { return };
         self.last = Some((sample.stamp, sample.log_time));
-        let due = self.last_stillness.is_none_or(|last| sample.stamp.since(last) >= STILLNESS_PERIOD);
+        // A clock that was set back counts as a second passed.
+        let due = self.last_stillness.is_none_or(|last| !(0..STILLNESS_PERIOD).contains(&sample.stamp.since(last)));
         if changed || due {
             self.last_stillness = Some(sample.stamp);
             let stillness = self.stillness(sample.stamp);
@@ -172,12 +173,13 @@ impl Engine {
     fn solve(&mut self) -> Solution {
         const ROUNDS: usize = 4;
         let Self { config, fixture, segmenter, book, .. } = self;
-        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter };
+        let gravity = solve::gravity(&config.fit).value;
+        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity };
         let entries = book.entries_mut();
         judge.sort_out(entries);
         let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
         let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
-        let mut calibration = guess(means.iter(), solve::gravity(&config.fit).value);
+        let mut calibration = guess(means.iter(), gravity);
         let mut before = Vec::new();
         let mut accelerometer = Err(String::new());
         for _ in 0..ROUNDS {
@@ -210,7 +212,8 @@ impl Engine {
             }
             events.push(event(Message::Segment(segment)));
         }
-        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution);
+        let never_still = words::never_still(&self.segmenter, self.book.found(), &self.config.still);
+        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution, never_still);
         if let Some(coverage) = self.publisher.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));
         }

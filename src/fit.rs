@@ -18,6 +18,6 @@ mod scatter;
 pub use calibration::{Calibration, Shape};
 pub use config::{Bounds, Config, Estimator, Model};
 pub use fixture::{Face, Fixture};
-pub use lsqlin::{Error, Solution, condition, lsqlin};
+pub use lsqlin::{Error, Solution, lsqlin};
 pub use orientation::guess;
 pub use scatter::variance_between;

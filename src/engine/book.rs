@@ -1,5 +1,7 @@
 //! The rests that an engine remembers, with the verdict on each. How they are judged is left to `judge`.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::messages::segment::Reason;
@@ -24,6 +26,8 @@ pub(super) struct Entry {
     pub(super) told: Option<Verdict>,
     /// How many rests it stands for.
     pub(super) count: u64,
+    /// How long they lasted together.
+    pub(super) seconds: f64,
 }
 
 /// What is thought of a rest.
@@ -38,6 +42,11 @@ pub(super) struct Verdict {
 impl Verdict {
     pub(super) fn is_accepted(&self) -> bool {
         self.reason == Reason::Accepted
+    }
+
+    /// Whether the IMU was at rest, on a face or not.
+    pub(super) fn is_at_rest(&self) -> bool {
+        matches!(self.reason, Reason::Accepted | Reason::Tilted)
     }
 
     /// Whether it is so much another that people are to be told again.
@@ -62,7 +71,8 @@ impl Verdict {
 impl Book {
     pub(super) fn add(&mut self, rest: Rest) {
         let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
-        self.entries.push(Entry { rest, verdict, told: None, count: 1 });
+        let seconds = rest.seconds();
+        self.entries.push(Entry { rest, verdict, told: None, count: 1, seconds });
     }
 
     pub(super) fn entries(&self) -> &[Entry] {
@@ -86,20 +96,26 @@ impl Book {
     /// Keeps memory constant: of too many accepted rests on one face the two nearest in time are merged, of too many
     /// rejected ones the oldest is forgotten.
     pub(super) fn shrink(&mut self) {
-        let Some(kind) = self.entries.last().map(|entry| entry.verdict.kind()) else { return };
-        let same: Vec<usize> = (0..self.entries.len()).filter(|&i| self.entries[i].verdict.kind() == kind).collect();
-        if same.len() <= MAX_KEPT {
-            return;
+        while let Some((kind, same)) = self.crowd() {
+            if kind.is_none() {
+                self.forgotten += self.entries.remove(same[0]).count;
+                continue;
+            }
+            let gap = |pair: &&[usize]| self.entries[pair[1]].rest.start.since(self.entries[pair[0]].rest.end);
+            if let Some(&[first, second]) = same.windows(2).min_by_key(gap) {
+                let later = self.entries.remove(second);
+                self.entries[first].absorb(&later);
+            }
         }
-        if kind.is_none() {
-            self.forgotten += self.entries.remove(same[0]).count;
-            return;
+    }
+
+    /// The places of the rests of a kind of which there are too many.
+    fn crowd(&self) -> Option<(Option<usize>, Vec<usize>)> {
+        let mut kinds: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+        for (i, entry) in self.entries.iter().enumerate() {
+            kinds.entry(entry.verdict.kind()).or_default().push(i);
         }
-        let gap = |pair: &&[usize]| self.entries[pair[1]].rest.start.since(self.entries[pair[0]].rest.end);
-        if let Some(&[first, second]) = same.windows(2).min_by_key(gap) {
-            let later = self.entries.remove(second);
-            self.entries[first].absorb(&later);
-        }
+        kinds.into_iter().find(|(_, same)| same.len() > MAX_KEPT)
     }
 }
 
@@ -113,6 +129,7 @@ impl Entry {
             *mine = both(mine.as_ref(), theirs.as_ref());
         }
         self.count += later.count;
+        self.seconds += later.seconds;
     }
 }
 

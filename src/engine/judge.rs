@@ -1,5 +1,7 @@
 //! What is thought of each rest: accepted on a face, or rejected for a reason that a person can act on.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 
 use super::book::{Entry, Verdict};
@@ -14,14 +16,22 @@ pub(super) struct Judge<'a> {
     pub(super) fixture: &'a Fixture,
     /// Knows the noise floor.
     pub(super) segmenter: &'a Segmenter,
+    /// Length of gravity, m/s².
+    pub(super) gravity: f64,
 }
 
 impl Judge<'_> {
     /// Faults that show whatever the orientation.
     pub(super) fn sort_out(&self, entries: &mut [Entry]) {
         let usual_rate = self.usual_rate(entries);
+        // A long rest is split; its last piece may be short, its placement is not.
+        let mut seconds: BTreeMap<u32, f64> = BTreeMap::new();
+        for entry in entries.iter() {
+            *seconds.entry(entry.rest.placement).or_default() += entry.seconds;
+        }
         for entry in entries {
-            let (reason, explanation) = match self.fault(&entry.rest, usual_rate) {
+            let seconds = seconds.get(&entry.rest.placement).copied().unwrap_or(entry.seconds);
+            let (reason, explanation) = match self.fault(&entry.rest, seconds, usual_rate) {
                 Some((reason, explanation)) => (reason, explanation),
                 None => (Reason::Accepted, String::new()),
             };
@@ -32,11 +42,22 @@ impl Judge<'_> {
     /// The faces of the faultless, by the accelerometer's calibration as it is known or guessed.
     pub(super) fn assign_faces(&self, entries: &mut [Entry], calibration: &Calibration) {
         for Entry { rest, verdict, .. } in entries {
-            if !matches!(verdict.reason, Reason::Accepted | Reason::Tilted) {
+            if !verdict.is_at_rest() {
                 continue;
             }
-            let nearest = self.fixture.nearest(&calibration.correct(&rest.accelerometer.mean));
-            let Some((face, tilt)) = nearest.filter(|(_, tilt)| tilt.is_finite()) else { continue };
+            let specific_force = calibration.correct(&rest.accelerometer.mean);
+            let length = specific_force.norm() / self.gravity;
+            // Before the biases are known three axes may each seem to feel all of gravity.
+            let nearest = self.fixture.nearest(&specific_force).filter(|_| (0.5..1.8).contains(&length));
+            let Some((face, tilt)) = nearest else {
+                let read = rest.accelerometer.mean.norm();
+                verdict.reason = Reason::SensorFault;
+                verdict.explanation = format!(
+                    "reads {read:.3} m/s² at rest: is it in g (set unit = \"g\"), or was gravity removed before it was recorded?"
+                );
+                verdict.face = None;
+                continue;
+            };
             let name = self.fixture.faces().get(face).map_or("?", |face| face.name.as_str());
             let limit = self.fit.max_tilt_deg;
             (verdict.reason, verdict.explanation) = if tilt > limit {
@@ -50,11 +71,16 @@ impl Judge<'_> {
         }
     }
 
-    fn fault(&self, rest: &Rest, usual_rate: Option<Vector3<f64>>) -> Option<(Reason, String)> {
+    /// What is wrong with a rest whose placement lasted so many seconds.
+    fn fault(&self, rest: &Rest, seconds: f64, usual_rate: Option<Vector3<f64>>) -> Option<(Reason, String)> {
         let accelerometer = &rest.accelerometer;
-        if rest.seconds() < self.still.min_fit_s {
-            let explanation = format!("{:.2} s: hold it still for {} s or more", rest.seconds(), self.still.min_fit_s);
+        if seconds < self.still.min_fit_s {
+            let explanation = format!("{seconds:.2} s: hold it still for {} s or more", self.still.min_fit_s);
             return Some((Reason::TooShort, explanation));
+        }
+        if accelerometer.deviation() == 0.0 && self.segmenter.accel_step().is_some() {
+            let explanation = "the accelerometer does not change at all, as it did before: is the stream frozen?";
+            return Some((Reason::SensorFault, explanation.to_owned()));
         }
         if let Some(axis) = frozen_axis(accelerometer, self.segmenter.accel_step()) {
             let explanation =
@@ -72,35 +98,47 @@ impl Judge<'_> {
         let creep = accelerometer.trend.norm();
         // The trend of white noise over the rest has √12 times the error of its mean.
         let noise = (12.0 * accelerometer.mean_variance().sum()).sqrt();
+        // A steady slide trips the gate when its mean has fallen behind by `max_creep`; its trend is more than that.
         if creep > 0.7 * self.still.max_creep + 3.0 * noise {
             let explanation = format!("specific force wandered by {creep:.3} m/s²: let the sensor settle");
             return Some((Reason::Creeping, explanation));
         }
         let rate = rest.gyroscope.as_ref()?.mean;
         let [low, high] = self.fit.bounds.gyro_bias;
-        let off = usual_rate.map_or(0.0, |usual| (rate - usual).norm());
-        if off > self.still.max_turn || rate.iter().any(|rate| *rate < low || *rate > high) {
+        if !self.is_bias(&rate) {
             let explanation = format!(
-                "turns at a constant rate of {:.2} °/s: let it stand",
-                (rate - usual_rate.unwrap_or_default()).norm().max(off).to_degrees()
+                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias [{low}, {high}]: does it turn, or is it in deg/s?",
+                rate.norm()
             );
+            return Some((Reason::Turning, explanation));
+        }
+        let off = usual_rate.map_or(0.0, |usual| (rate - usual).norm());
+        if off > self.still.max_turn {
+            let explanation = format!("turns at a constant rate of {:.2} °/s: let it stand", off.to_degrees());
             return Some((Reason::Turning, explanation));
         }
         None
     }
 
-    /// The mean rate that most rests agree on: the gyroscope's bias, unless it turned most of the time.
+    /// Whether a mean rate may be the bias of a gyroscope that stands.
+    fn is_bias(&self, rate: &Vector3<f64>) -> bool {
+        let [low, high] = self.fit.bounds.gyro_bias;
+        rate.iter().all(|rate| (low..=high).contains(rate))
+    }
+
+    /// The mean rate that the most time at rest agrees on within `max_turn`: the gyroscope's bias, unless it turned
+    /// steadily most of the time. Of equals the slower, since what turns turns faster.
     fn usual_rate(&self, entries: &[Entry]) -> Option<Vector3<f64>> {
-        let long = entries.iter().filter(|entry| entry.rest.seconds() >= self.still.min_fit_s);
-        let mut rates: Vec<_> = long.filter_map(|entry| entry.rest.gyroscope.as_ref()).map(|seen| seen.mean).collect();
-        if rates.len() <= 2 {
-            // Two cannot outvote each other; what turns turns faster.
-            return rates.into_iter().min_by(|a, b| a.norm().total_cmp(&b.norm()));
-        }
-        Some(Vector3::from_fn(|axis, _| {
-            rates.sort_by(|a, b| a[axis].total_cmp(&b[axis]));
-            rates.get(rates.len() / 2).map_or(0.0, |rate| rate[axis])
-        }))
+        let credible = entries.iter().filter(|entry| self.segmenter.is_quiet(&entry.rest));
+        let rates = credible.filter_map(|entry| Some((entry.rest.gyroscope.as_ref()?.mean, entry.seconds)));
+        let rates: Vec<_> = rates.filter(|(rate, _)| self.is_bias(rate)).collect();
+        let support = |centre: &Vector3<f64>| -> f64 {
+            let near = rates.iter().filter(|(rate, _)| (rate - centre).norm() <= self.still.max_turn);
+            near.map(|(_, seconds)| seconds).sum()
+        };
+        let scored = rates.iter().map(|(rate, _)| (support(rate), rate));
+        let best = scored.max_by(|(a, x), (b, y)| a.total_cmp(b).then(y.norm().total_cmp(&x.norm())));
+        best.map(|(_, rate)| *rate)
     }
 }
 

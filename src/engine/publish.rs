@@ -15,9 +15,7 @@ use crate::messages::{self, Triad};
 use crate::still::TriadMean;
 
 /// So many repeats of a face confirm a calibration.
-const CONFIRMING_REPEATS: usize = 3;
-/// Weighted sum of squares over its degrees of freedom up to which repeats agree.
-const AGREEMENT: f64 = 4.0;
+pub(super) const CONFIRMING_REPEATS: usize = 3;
 
 /// Remembers what was published.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -100,6 +98,7 @@ pub(super) fn coverage(
     book: &Book,
     fixture: &Fixture,
     solution: &Solution,
+    never_still: Option<String>,
 ) -> messages::Coverage {
     let faces: Vec<_> = fixture
         .faces()
@@ -116,12 +115,13 @@ pub(super) fn coverage(
                 name: face.name.clone(),
                 normal: Some(vector(&face.normal)),
                 placements: placements.len() as u32,
-                seconds: on_face.map(|entry| entry.rest.seconds()).sum(),
+                seconds: on_face.map(|entry| entry.seconds).sum(),
             }
         })
         .collect();
     let complete = faces.iter().all(|face| face.placements > 0);
-    let next_step = words::next_step(&faces, book.found(), solution, accelerometer_status(solution));
+    let status = accelerometer_status(solution);
+    let next_step = never_still.unwrap_or_else(|| words::next_step(&faces, book.found(), solution, status));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 
@@ -151,14 +151,21 @@ pub(super) fn calibration(
 
 /// Repeats beyond one placement a face are what can contradict a fit.
 fn accelerometer_status(solution: &Solution) -> Status {
-    const FACES: usize = 6;
     let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
-    status(solution.placements.saturating_sub(FACES), fit.chi2_per_dof)
+    let freedom = solution.placements.saturating_sub(fit.shape.unknowns());
+    status(solution.repeats, freedom, fit.chi2_per_dof)
 }
 
-fn status(repeats: usize, chi2_per_dof: Option<f64>) -> Status {
-    let agree = repeats >= CONFIRMING_REPEATS && chi2_per_dof.is_some_and(|chi2| chi2 <= AGREEMENT);
+fn status(repeats: usize, freedom: usize, chi2_per_dof: Option<f64>) -> Status {
+    let agree = repeats >= CONFIRMING_REPEATS && chi2_per_dof.is_some_and(|chi2| chi2 <= agreement(freedom));
     if agree { Status::Confirmed } else { Status::Provisional }
+}
+
+/// χ² over its degrees of freedom that agreement exceeds once in a thousand times (Wilson and Hilferty 1931).
+fn agreement(freedom: usize) -> f64 {
+    const NORMAL: f64 = 3.09;
+    let v = 2.0 / (9.0 * freedom.max(1) as f64);
+    libm::pow(1.0 - v + NORMAL * v.sqrt(), 3.0)
 }
 
 fn accelerometer(config: &Config, solution: &Solution) -> Triad {
@@ -194,7 +201,14 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
     let shape = Shape::DIAGONAL;
     Triad {
         // It can be no surer than the primary that it was compared with.
-        status: accelerometer_status(solution).into(),
+        status: match accelerometer_status(solution) {
+            Status::Confirmed => {
+                let freedom = 3 * solution.placements.saturating_sub(2);
+                status(solution.repeats, freedom, fit.chi2_per_dof)
+            }
+            other => other,
+        }
+        .into(),
         residual_rms: Some(fit.residual_rms),
         chi2_per_dof: fit.chi2_per_dof,
         condition: Some(fit.condition),
@@ -206,10 +220,15 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
 
 fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let named = named("gyroscope", &config.gyroscope);
-    let Some(fit) = &solution.gyroscope else { return named };
+    let Some(fit) = &solution.gyroscope else {
+        let silent = solution.placements > 0 && !config.gyroscope.is_empty();
+        let note = "was silent during every rest: check its topic and its time stamps".to_owned();
+        return Triad { notes: silent.then_some(note).into_iter().collect(), ..named };
+    };
+    let repeats = solution.gyro_placements.saturating_sub(1);
     Triad {
         model: Model::Bias.into(),
-        status: status(solution.gyro_placements.saturating_sub(1), fit.chi2_per_dof).into(),
+        status: status(repeats, 3 * repeats, fit.chi2_per_dof).into(),
         bias: Some(vector(&fit.bias)),
         bias_std: Some(vector(&fit.covariance.diagonal().map(f64::sqrt))),
         covariance: row_major(&fit.covariance),

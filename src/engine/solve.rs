@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 
 use super::Config;
 use super::book::Entry;
+use super::words;
 use crate::fit::accelerometer::{Assumptions, Gravity};
 use crate::fit::{self, Bounds, Fixture, Shape, accelerometer, gyroscope, secondary};
-use crate::messages::segment::Reason;
 use crate::still::TriadMean;
 
 /// Standard gravity, m/s² (CGPM 1901).
@@ -26,6 +26,9 @@ pub(super) struct Solution {
     pub(super) secondary: Vec<Result<secondary::Fit, String>>,
     /// Accepted placements, all faces together.
     pub(super) placements: usize,
+    /// Those that repeat a face and so may contradict: no more than two a face count, since a bump of the table is easily
+    /// taken for a placement.
+    pub(super) repeats: usize,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
 }
@@ -64,9 +67,13 @@ pub(super) fn others(
     });
     let secondary = secondary.collect();
     let rates = rates(entries);
+    let seen = placements_on_faces(entries, fixture);
+    let on_face = |i: usize| seen.iter().filter(|(face, _)| *face == i).count();
+    let repeats = (0..fixture.faces().len()).map(|i| on_face(i).saturating_sub(1).min(2)).sum();
     Solution {
         gravity: gravity(config),
-        placements: placements_on_faces(entries, fixture).len(),
+        placements: seen.len(),
+        repeats,
         accelerometer,
         gyro_placements: rates.len(),
         gyroscope: gyroscope::fit(&rates, config.rate_std),
@@ -119,8 +126,10 @@ fn fit_accelerometer(
     let fit = accelerometer::fit(&observations, &given).map_err(|error| error.to_string())?;
     if !fit.agrees() {
         return Err(format!(
-            "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}",
-            fit.residual_rms, fit.residual_limit
+            "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}{}",
+            fit.residual_rms,
+            fit.residual_limit,
+            words::also(&words::active_bounds(&fit.active, fit.shape))
         ));
     }
     Ok(fit)
@@ -134,29 +143,42 @@ fn fit_secondary(
     primary: Option<&accelerometer::Fit>,
 ) -> Result<secondary::Fit, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
-    let pairs: Vec<_> = entries
-        .iter()
-        .filter(|entry| matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted))
-        .filter_map(|entry| {
-            let (first, second) = (&entry.rest.accelerometer, entry.rest.secondary.get(index)?.as_ref()?);
-            Some(secondary::Pair {
-                primary: first.mean,
-                secondary: second.mean,
-                primary_noise: first.mean_variance(),
-                secondary_noise: second.mean_variance(),
-            })
+    let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
+    for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
+        if let Some(Some(second)) = entry.rest.secondary.get(index) {
+            let (primary, secondary) = groups.entry(entry.rest.placement).or_default();
+            primary.push(&entry.rest.accelerometer);
+            secondary.push(second);
+        }
+    }
+    let pairs: Vec<_> = groups
+        .into_values()
+        .map(|(first, second)| {
+            let ((primary, primary_noise), (secondary, secondary_noise)) = (pooled(&first), pooled(&second));
+            secondary::Pair { primary, secondary, primary_noise, secondary_noise }
         })
         .collect();
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    secondary::fit(&pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())
+    let fit = secondary::fit(&pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())?;
+    let held_back = words::active_bounds(&fit.active, Shape::DIAGONAL);
+    if !fit.agrees() {
+        return Err(format!(
+            "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. Check its \
+             axes, unit and time stamps{}",
+            fit.residual_rms,
+            fit.residual_limit,
+            words::also(&held_back)
+        ));
+    }
+    Ok(fit)
 }
 
 /// What the gyroscope read during each placement that is no turn.
 fn rates(entries: &[Entry]) -> Vec<gyroscope::Observation> {
     let mut groups: BTreeMap<u32, Vec<&TriadMean>> = BTreeMap::new();
-    for entry in entries.iter().filter(|entry| matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted)) {
+    for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
         if let Some(gyroscope) = &entry.rest.gyroscope {
             groups.entry(entry.rest.placement).or_default().push(gyroscope);
         }

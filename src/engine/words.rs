@@ -1,5 +1,6 @@
 //! What people are told.
 
+use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
 use crate::fit::Shape;
 use crate::fit::accelerometer::Gravity;
@@ -22,11 +23,11 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
         ),
         ([], Err(why), _) => format!("no calibration: {why}. Repeat the six faces on a flat, firm surface"),
         ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
-        ([], Ok(fit), _) if fit.chi2_per_dof.is_some() && solution.placements >= faces.len() + 3 => {
+        ([], Ok(_), _) if solution.repeats >= CONFIRMING_REPEATS => {
             "repeated placements disagree: place every face once more on a flat, firm surface".to_owned()
         }
-        ([], Ok(_), _) => match (faces.len() + 3).saturating_sub(solution.placements) {
-            1 => "place any face once more, so that repeats can confirm the calibration".to_owned(),
+        ([], Ok(_), _) => match CONFIRMING_REPEATS.saturating_sub(solution.repeats) {
+            1 => "place another face once more, so that repeats can confirm the calibration".to_owned(),
             repeats => format!("place any {repeats} faces once more, so that repeats can confirm the calibration"),
         },
     }
@@ -53,24 +54,36 @@ pub(super) fn published(calibration: &Calibration) -> String {
     format!("calibration {} from {} rests: {}", calibration.revision, calibration.segments, parts.join("; "))
 }
 
+/// That nothing was believed to be a rest, and why; `None` if something was.
+pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Config) -> Option<String> {
+    let status = segmenter.status();
+    if found > 0 || status.state != State::Unknown {
+        return None;
+    }
+    let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
+    let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
+    let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
+    let degrees = gyro.is_some_and(|rate| rate > config.gyro_ceiling && rate.to_radians() < config.gyro_ceiling);
+    let hint = if degrees { "; is the gyroscope in deg/s? Set its unit" } else { "" };
+    Some(format!(
+        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}{hint}. Let the sensor rest, \
+         or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
+        said(accel),
+        said(gyro),
+        config.accel_ceiling,
+        config.gyro_ceiling
+    ))
+}
+
+/// Further remarks, to be put behind a sentence.
+pub(super) fn also(remarks: &[String]) -> String {
+    remarks.iter().map(|remark| format!("; {remark}")).collect()
+}
+
 /// What is left to say at the end.
 pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config) -> Vec<(Level, String)> {
-    let status = segmenter.status();
     let mut said = Vec::new();
-    if found == 0 && status.state == State::Unknown {
-        let level = |floor: Option<f64>| floor.map_or_else(|| "?".to_owned(), |f| format!("{:.3}", f / 3_f64.sqrt()));
-        said.push((
-            Level::Warning,
-            format!(
-                "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the \
-                 sensor rest, or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
-                level(status.accel_floor),
-                level(status.gyro_floor),
-                config.accel_ceiling,
-                config.gyro_ceiling
-            ),
-        ));
-    }
+    said.extend(never_still(segmenter, found, config).map(|text| (Level::Warning, text)));
     if segmenter.dropped() > 0 {
         let text = format!("{} samples with repeated or backward stamps were dropped", segmenter.dropped());
         said.push((Level::Warning, text));

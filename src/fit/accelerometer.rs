@@ -57,7 +57,7 @@ pub struct Fit {
     pub shape: Shape,
     /// Covariance of the parameters in the order of [`Shape`], all causes included.
     pub covariance: DMatrix<f64>,
-    /// Root mean square of ‖corrected‖ − g over the placements, m/s².
+    /// Weighted root mean square of ‖corrected‖ − g over the placements, m/s².
     pub residual_rms: f64,
     /// The greatest rms that noise or the gate's allowance excuse, m/s².
     pub residual_limit: f64,
@@ -71,8 +71,6 @@ pub struct Fit {
 
 /// Accelerometers cross-couple by about this much where the model has no word for it (one standard deviation).
 const UNMODELLED_CROSS_AXIS: f64 = 0.01;
-/// The assumed scatter weighs as much as so many observed degrees of freedom.
-const PRIOR_WEIGHT: f64 = 4.0;
 /// Residuals of ‖a‖ − g below this are no reason to refuse, m/s².
 const ALLOWANCE: f64 = 0.03;
 
@@ -88,16 +86,16 @@ impl Fit {
 /// # Errors
 /// If they do not determine the parameters, or the solver fails.
 pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Fit, lsqlin::Error> {
-    let solve = |between: f64| {
-        let stage = on_fixture(observations, given, between)?;
+    let solve = |between: f64, tilts: Option<&Calibration>| {
+        let stage = on_fixture(observations, given, between, tilts)?;
         match given.estimator {
             Estimator::Fixture => Ok(stage),
             Estimator::Magnitude => on_magnitude(observations, given, between, stage),
         }
     };
-    // The scatter that the first fit shows sets the weights of the second.
-    let first = solve(given.placement_std * given.placement_std)?;
-    let second = solve(observed_scatter(observations, given, &first))?;
+    // The scatter and the tilts that the first fit shows set the weights of the second.
+    let first = solve(given.placement_std * given.placement_std, None)?;
+    let second = solve(observed_scatter(observations, given, &first), Some(&first.calibration))?;
     Ok(summarise(observations, given, second))
 }
 
@@ -105,20 +103,31 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Fit,
 struct Stage {
     calibration: Calibration,
     design: DMatrix<f64>,
+    /// How the rows would answer to the entries of S that the model has no word for, weighted like the design.
+    leaks: DMatrix<f64>,
     condition: f64,
     active: Vec<usize>,
 }
 
-/// Regression on the fixture: each placement tells of the axes that its face lies along.
-fn on_fixture(observations: &[Observation], given: &Assumptions<'_>, between: f64) -> Result<Stage, lsqlin::Error> {
-    let mut rows = Vec::new();
-    let mut targets = Vec::new();
+/// Regression on the fixture: each placement tells of the axis that its face lies along. A tilt takes 1 − cos θ from it,
+/// which is in the weights once the tilts are known.
+fn on_fixture(
+    observations: &[Observation],
+    given: &Assumptions<'_>,
+    between: f64,
+    tilts: Option<&Calibration>,
+) -> Result<Stage, lsqlin::Error> {
+    let (mut rows, mut leaks, mut targets) = (Vec::new(), Vec::new(), Vec::new());
     for seen in observations {
         let truth = seen.normal * given.gravity.value;
+        let felt = tilts.map_or(truth, |calibration| calibration.correct(&seen.mean));
+        let lost = given.gravity.value - felt.dot(&seen.normal);
         let jacobian = given.shape.jacobian(&truth);
-        for axis in (0..3).filter(|&axis| given.shape.has_cross_axis() || seen.normal[axis].abs() > 0.5) {
-            let weight = 1.0 / (between + seen.noise[axis]).sqrt();
+        let unmodelled = given.shape.unmodelled(&felt);
+        for axis in (0..3).filter(|&axis| seen.normal[axis].abs() > 0.5) {
+            let weight = 1.0 / (between + lost * lost + seen.noise[axis]).sqrt();
             rows.push(jacobian.row(axis) * weight);
+            leaks.push(unmodelled.row(axis) * weight);
             targets.push(seen.mean[axis] * weight);
         }
     }
@@ -131,6 +140,7 @@ fn on_fixture(observations: &[Observation], given: &Assumptions<'_>, between: f6
     Ok(Stage {
         calibration: given.shape.calibration(&solution.x),
         design,
+        leaks: DMatrix::from_rows(&leaks),
         condition: solution.condition,
         active: solution.active,
     })
@@ -144,31 +154,32 @@ fn on_magnitude(
     start: Stage,
 ) -> Result<Stage, lsqlin::Error> {
     const STEPS: usize = 20;
+    // In units of the residuals' standard deviations: less is nothing gained.
+    const ENOUGH: f64 = 1e-9;
     let mut stage = start;
     for _ in 0..STEPS {
         let lines: Vec<Line> =
             observations.iter().map(|seen| Line::of(seen, given, &stage.calibration, between)).collect();
-        let rows: Vec<_> = lines.iter().map(|line| line.gradient.transpose() / line.variance.sqrt()).collect();
-        let targets: Vec<_> = lines.iter().map(|line| -line.residual / line.variance.sqrt()).collect();
-        if rows.len() < given.shape.unknowns() {
+        if lines.len() < given.shape.unknowns() {
             return Err(lsqlin::Error::Singular(f64::INFINITY));
         }
-        // In units of their standard deviations: nothing is left to gain.
-        if targets.iter().all(|target: &f64| target.abs() < 1e-9) {
-            return Ok(stage);
-        }
+        let rows: Vec<_> = lines.iter().map(|line| line.gradient.transpose() / line.variance.sqrt()).collect();
+        let leaks: Vec<_> = lines.iter().map(|line| line.leak.transpose() / line.variance.sqrt()).collect();
+        let targets =
+            DVector::from_iterator(lines.len(), lines.iter().map(|line| -line.residual / line.variance.sqrt()));
         let here = given.shape.vector(&stage.calibration);
         let (low, high) = limits(given, Some(&here));
         let design = DMatrix::from_rows(&rows);
-        let step = lsqlin(&design, &DVector::from_vec(targets), &low, &high)?;
+        let leaks = DMatrix::from_rows(&leaks);
+        let step = lsqlin(&design, &targets, &low, &high)?;
+        let gained = (&design * &step.x).amax();
         let calibration = given.shape.calibration(&(here + &step.x));
-        stage = Stage { calibration, design, condition: step.condition, active: step.active };
-        if step.x.amax() < 1e-12 {
+        stage = Stage { calibration, design, leaks, condition: step.condition, active: step.active };
+        if gained < ENOUGH {
             return Ok(stage);
         }
     }
-    // Sixteen digits are not always to be had; six are.
-    Ok(stage)
+    Err(lsqlin::Error::NotConverged)
 }
 
 /// One placement's equation ‖S⁻¹(m − b)‖ = g, linearised.
@@ -177,7 +188,9 @@ struct Line {
     residual: f64,
     /// By the parameters.
     gradient: DVector<f64>,
-    /// Of the residual by noise and unmodelled cross-axis sensitivity, (m/s²)².
+    /// By the entries of S that the model has no word for.
+    leak: DVector<f64>,
+    /// Of the residual by noise, (m/s²)².
     noise: f64,
     /// The same with placement scatter.
     variance: f64,
@@ -190,15 +203,14 @@ impl Line {
         let up = corrected / length.max(f64::MIN_POSITIVE);
         // ∂‖S⁻¹(m − b)‖/∂m.
         let by_measured = calibration.inverse().transpose() * up;
-        let gradient = -(given.shape.jacobian(&corrected).transpose() * by_measured);
-        let mut noise = by_measured.component_mul(&by_measured).dot(&seen.noise);
-        if !given.shape.has_cross_axis() {
-            let (xy, yz, zx) = (up.x * up.y, up.y * up.z, up.z * up.x);
-            let leak = given.gravity.value * UNMODELLED_CROSS_AXIS;
-            noise += 2.0 * leak * leak * (xy * xy + yz * yz + zx * zx);
+        let noise = by_measured.component_mul(&by_measured).dot(&seen.noise);
+        Self {
+            residual: length - given.gravity.value,
+            gradient: -given.shape.jacobian(&corrected).tr_mul(&by_measured),
+            leak: -given.shape.unmodelled(&corrected).tr_mul(&by_measured),
+            noise,
+            variance: by_measured.norm_squared() * between + noise,
         }
-        let variance = by_measured.norm_squared() * between + noise;
-        Self { residual: length - given.gravity.value, gradient, noise, variance }
     }
 }
 
@@ -206,34 +218,38 @@ fn observed_scatter(observations: &[Observation], given: &Assumptions<'_>, stage
     let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &stage.calibration, 0.0)).collect();
     let freedom = observations.len().saturating_sub(given.shape.unknowns()) as f64;
     let residuals = lines.iter().map(|line| (line.residual, line.noise));
-    variance_between(residuals, freedom, given.placement_std, PRIOR_WEIGHT)
+    variance_between(residuals, freedom, given.placement_std)
 }
 
 fn summarise(observations: &[Observation], given: &Assumptions<'_>, stage: Stage) -> Fit {
     let assumed = given.placement_std * given.placement_std;
     let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &stage.calibration, assumed)).collect();
     let count = lines.len() as f64;
-    let residual_rms = (lines.iter().map(|line| line.residual * line.residual).sum::<f64>() / count).sqrt();
+    let weights: f64 = lines.iter().map(|line| 1.0 / line.variance).sum();
+    let squares: f64 = lines.iter().map(|line| line.residual * line.residual / line.variance).sum();
+    let residual_rms = (squares / weights).sqrt();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / count;
     let freedom = lines.len().saturating_sub(given.shape.unknowns());
-    let chi2: f64 = lines.iter().map(|line| line.residual * line.residual / line.variance).sum();
     Fit {
         covariance: covariance(given, &stage),
         calibration: stage.calibration,
         shape: given.shape,
         residual_rms,
         residual_limit: (5.0 * white.sqrt()).max(ALLOWANCE),
-        chi2_per_dof: (freedom > 0).then(|| chi2 / freedom as f64),
+        chi2_per_dof: (freedom > 0).then(|| squares / freedom as f64),
         condition: stage.condition,
         active: stage.active,
     }
 }
 
-/// (JᵀWJ)⁻¹, and what the uncertainty of g does: it scales S and leaves b alone.
+/// (JᵀWJ)⁻¹; what the uncertainty of g does, which scales S and leaves b alone; and what unmodelled cross-axis
+/// sensitivity does, which is the same at every placement, so that no repetition averages it away.
 fn covariance(given: &Assumptions<'_>, stage: &Stage) -> DMatrix<f64> {
-    let information = stage.design.transpose() * &stage.design;
+    let information = stage.design.tr_mul(&stage.design);
     let unknowns = given.shape.unknowns();
     let mut covariance = information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN));
+    let by_leak = &covariance * stage.design.tr_mul(&stage.leaks);
+    covariance += &by_leak * by_leak.transpose() * UNMODELLED_CROSS_AXIS.powi(2);
     let mut by_gravity = given.shape.vector(&stage.calibration) / given.gravity.value;
     by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
     covariance += &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2);

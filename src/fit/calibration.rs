@@ -54,11 +54,6 @@ impl Shape {
         3 + self.0.len()
     }
 
-    /// Whether an entry beside the diagonal is free.
-    pub fn has_cross_axis(self) -> bool {
-        self.0.iter().any(|(row, column)| row != column)
-    }
-
     /// The parameter vector of a calibration.
     pub fn vector(self, calibration: &Calibration) -> DVector<f64> {
         let entries = self.0.iter().map(|&entry| calibration.sensitivity[entry]);
@@ -72,6 +67,16 @@ impl Shape {
             calibration.sensitivity[entry] = *value;
         }
         calibration
+    }
+
+    /// ∂measured/∂(the entries of S that are not free) at a true value: 3 × 6 for a diagonal S.
+    pub fn unmodelled(self, truth: &Vector3<f64>) -> DMatrix<f64> {
+        let fixed: Vec<_> = (0..9).map(|k| (k / 3, k % 3)).filter(|entry| !self.0.contains(entry)).collect();
+        let mut jacobian = DMatrix::zeros(3, fixed.len());
+        for (k, (row, column)) in fixed.into_iter().enumerate() {
+            jacobian[(row, k)] = truth[column];
+        }
+        jacobian
     }
 
     /// ∂measured/∂parameters at a true value: 3 × unknowns.

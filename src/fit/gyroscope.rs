@@ -28,8 +28,6 @@ pub struct Fit {
 
 /// Angular rate of the Earth, rad/s (IERS Conventions 2010, nominal mean).
 pub const EARTH_RATE: f64 = 7.292_115e-5;
-/// The assumed scatter weighs as much as so many observed degrees of freedom.
-const PRIOR_WEIGHT: f64 = 4.0;
 
 /// The mean over placements that scatter by `assumed_std` (rad/s) until they show otherwise; `None` without any.
 pub fn fit(observations: &[Observation], assumed_std: f64) -> Option<Fit> {
@@ -44,7 +42,7 @@ pub fn fit(observations: &[Observation], assumed_std: f64) -> Option<Fit> {
     for axis in 0..3 {
         let (first, _) = weighted_mean(observations, axis, assumed);
         let residuals = observations.iter().map(|seen| (seen.mean[axis] - first, seen.noise[axis]));
-        let between = variance_between(residuals, freedom, assumed_std, PRIOR_WEIGHT);
+        let between = variance_between(residuals, freedom, assumed_std);
         let (mean, variance) = weighted_mean(observations, axis, between);
         bias[axis] = mean;
         // Which way the Earth turns the sensor is unknown: one component of its rate, in the mean of squares.

@@ -25,8 +25,8 @@ pub enum Error {
     /// The equations do not determine the unknowns.
     #[error("the equations do not determine the unknowns (condition number {0:.1e})")]
     Singular(f64),
-    /// A lower bound is above its upper bound, or a value is not finite.
-    #[error("the bounds contradict each other, or a value is not finite")]
+    /// The sizes do not fit, a lower bound is above its upper bound, or a value is not finite.
+    #[error("the bounds contradict each other, the sizes do not fit, or a value is not finite")]
     Invalid,
     /// The solver gave up, or what it returned is no minimum.
     #[error("the solver did not converge")]
@@ -49,7 +49,8 @@ pub fn lsqlin(
     upper: &DVector<f64>,
 ) -> Result<Solution, Error> {
     let finite = a.iter().chain(b.iter()).all(|v| v.is_finite());
-    if !finite || lower.iter().zip(upper).any(|(l, u)| l.is_nan() || u.is_nan() || l > u) {
+    let fits = b.nrows() == a.nrows() && lower.nrows() == a.ncols() && upper.nrows() == a.ncols();
+    if !finite || !fits || lower.iter().zip(upper).any(|(l, u)| l.is_nan() || u.is_nan() || l > u) {
         return Err(Error::Invalid);
     }
     // Columns of unit length and a residual of order one let one tolerance fit every problem.
@@ -62,7 +63,7 @@ pub fn lsqlin(
         column /= *s;
     }
     let decomposition = design.clone().svd(true, true);
-    let condition = condition_of(&decomposition.singular_values, &design);
+    let condition = condition(&decomposition.singular_values, &design);
     if !condition.is_finite() || condition > MAX_CONDITION {
         return Err(Error::Singular(condition));
     }
@@ -83,11 +84,7 @@ pub fn lsqlin(
 }
 
 /// Ratio of the largest to the smallest singular value.
-pub fn condition(design: &DMatrix<f64>) -> f64 {
-    condition_of(&design.singular_values(), design)
-}
-
-fn condition_of(singular_values: &DVector<f64>, design: &DMatrix<f64>) -> f64 {
+fn condition(singular_values: &DVector<f64>, design: &DMatrix<f64>) -> f64 {
     if design.nrows() < design.ncols() { f64::INFINITY } else { singular_values.max() / singular_values.min() }
 }
 
@@ -98,9 +95,9 @@ fn interior_point(
     high: &DVector<f64>,
 ) -> Result<DVector<f64>, Error> {
     let n = design.ncols();
-    let hessian = design.transpose() * design;
+    let hessian = design.tr_mul(design);
     let quadratic = CscMatrix::from(&rows(&hessian)).to_triu();
-    let linear: Vec<f64> = (-(design.transpose() * target)).iter().copied().collect();
+    let linear: Vec<f64> = (-design.tr_mul(target)).iter().copied().collect();
     // A bound that far from a solution of order one is none, and would only spoil the scaling.
     const FAR: f64 = 1e3;
     // x ≤ high and −x ≤ −low, one row each where there is a bound.
@@ -155,7 +152,7 @@ fn polish(
             at[i] = Some(if x[i] < low[i] { low[i] } else { high[i] });
             continue;
         }
-        let gradient = design.transpose() * (design * &x - target);
+        let gradient = design.tr_mul(&(design * &x - target));
         // At a lower bound the objective must not fall inwards, that is, upwards.
         let inward = |i: usize| if at[i] == Some(low[i]) { -gradient[i] } else { gradient[i] };
         let wrong = |i: &usize| at[*i].is_some() && low[*i] < high[*i] && inward(*i) > GRADIENT;
@@ -218,7 +215,7 @@ mod tests {
             let (a, b) = (DMatrix::from_vec(10, 4, a), DVector::from_vec(b));
             let low = DVector::from_vec(low);
             let high = &low + DVector::from_vec(width);
-            prop_assume!(condition(&a) < 100.0);
+            prop_assume!(condition(&a.singular_values(), &a) < 100.0);
             let solution = lsqlin(&a, &b, &low, &high).unwrap();
             let exact = brute_force(&a, &b, &low, &high);
             prop_assert!((&solution.x - &exact).amax() < 1e-9, "{} {exact}", solution.x);
