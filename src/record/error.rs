@@ -6,7 +6,7 @@ use std::io;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// There is nothing to read.
-    #[error("the recording is empty; if it is still to be written, follow it with `stillpoint tail`")]
+    #[error("the recording is empty: was its recorder ever started?")]
     Empty,
     /// The first bytes are not MCAP's.
     #[error("not an MCAP recording: it begins with {found:02x?}; convert ROS bags with `mcap convert` first")]
