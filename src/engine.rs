@@ -174,6 +174,7 @@ impl Engine {
         const ROUNDS: usize = 4;
         let Self { config, fixture, segmenter, book, .. } = self;
         let gravity = solve::gravity(&config.fit).value;
+        let step = segmenter.accel_step();
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity };
         let entries = book.entries_mut();
         judge.sort_out(entries);
@@ -189,11 +190,11 @@ impl Engine {
                 break;
             }
             before = verdicts;
-            accelerometer = solve::accelerometer(entries, &config.fit, fixture);
+            accelerometer = solve::accelerometer(entries, &config.fit, fixture, step);
             let Ok(fit) = &accelerometer else { break };
             calibration = fit.calibration;
         }
-        solve::others(entries, config, fixture, accelerometer)
+        solve::others(entries, config, fixture, step, accelerometer)
     }
 
     /// Says what has changed: segments, then coverage, then calibration.

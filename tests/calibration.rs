@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit::{self, Bounds, Calibration, Estimator};
+use stillpoint::imu::Sensor;
 use stillpoint::messages::segment::Reason;
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{self, Segment, Triad};
@@ -266,6 +267,34 @@ fn the_remainder_of_a_split_rest_is_not_too_short() {
     config.still.max_duration_s = 4.0;
     let learned = learn(&Session::new().rest(Vector3::z(), 8.8).motion(1.0), config);
     assert!(learned.segments().iter().all(|segment| segment.accepted), "{:?}", learned.reasons());
+}
+
+#[test]
+fn rounding_that_noise_does_not_average_out_is_said_and_in_the_bars() {
+    let mut session = Session::new().accelerometer(truth()).rests(&cube(), 3.0);
+    for (_, sample) in session.samples.iter_mut().filter(|(sensor, _)| *sensor == Sensor::Accelerometer) {
+        // Three times the noise.
+        sample.value = sample.value.map(|value| (value / 0.09).round() * 0.09);
+    }
+    let accelerometer = learn(&session, config()).accelerometer();
+    assert!(accelerometer.notes.iter().any(|note| note.contains("below half a step")), "{:?}", accelerometer.notes);
+    assert!(vector(&accelerometer.bias_std).min() > 0.012);
+}
+
+#[test]
+fn a_frozen_stream_is_no_rest() {
+    let mut session = Session::new().rests(&cube(), 3.0).motion(1.0);
+    let frozen = session.samples.len();
+    session = session.rest(Vector3::x(), 5.0);
+    let value = session.samples[frozen + 1].1.value;
+    for (sensor, sample) in session.samples.iter_mut().skip(frozen) {
+        if *sensor == Sensor::Accelerometer {
+            sample.value = value;
+        }
+    }
+    let learned = learn(&session, config());
+    assert_eq!(learned.reasons().last(), Some(&Reason::SensorFault));
+    assert_eq!(learned.accelerometer().status(), Status::Provisional);
 }
 
 #[test]

@@ -29,9 +29,10 @@ impl Judge<'_> {
         for entry in entries.iter() {
             *seconds.entry(entry.rest.placement).or_default() += entry.seconds;
         }
+        let loudest = entries.iter().map(|entry| entry.rest.accelerometer.deviation()).fold(0.0, f64::max);
         for entry in entries {
             let seconds = seconds.get(&entry.rest.placement).copied().unwrap_or(entry.seconds);
-            let (reason, explanation) = match self.fault(&entry.rest, seconds, usual_rate) {
+            let (reason, explanation) = match self.fault(&entry.rest, seconds, loudest, usual_rate) {
                 Some((reason, explanation)) => (reason, explanation),
                 None => (Reason::Accepted, String::new()),
             };
@@ -71,14 +72,21 @@ impl Judge<'_> {
         }
     }
 
-    /// What is wrong with a rest whose placement lasted so many seconds.
-    fn fault(&self, rest: &Rest, seconds: f64, usual_rate: Option<Vector3<f64>>) -> Option<(Reason, String)> {
+    /// What is wrong with a rest, given how long its placement lasted and how noisy the noisiest rest was.
+    fn fault(
+        &self,
+        rest: &Rest,
+        seconds: f64,
+        loudest: f64,
+        usual_rate: Option<Vector3<f64>>,
+    ) -> Option<(Reason, String)> {
         let accelerometer = &rest.accelerometer;
         if seconds < self.still.min_fit_s {
             let explanation = format!("{seconds:.2} s: hold it still for {} s or more", self.still.min_fit_s);
             return Some((Reason::TooShort, explanation));
         }
-        if accelerometer.deviation() == 0.0 && self.segmenter.accel_step().is_some() {
+        // A coarse converter may stand still by itself, one whose noise is above its step does not.
+        if accelerometer.deviation() == 0.0 && self.segmenter.accel_step().is_some_and(|step| loudest > 2.0 * step) {
             let explanation = "the accelerometer does not change at all, as it did before: is the stream frozen?";
             return Some((Reason::SensorFault, explanation.to_owned()));
         }

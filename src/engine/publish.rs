@@ -176,6 +176,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     };
     let worst = worst_case_error(&fit.calibration, fit.shape, &fit.covariance, solution.gravity.value);
     let mut notes = words::active_bounds(&fit.active, fit.shape);
+    notes.extend(solution.coarse_step.map(words::coarse));
     if config.fit.gravity.is_none() {
         notes.push(words::assumed_gravity(solution.gravity));
     }

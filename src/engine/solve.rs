@@ -29,6 +29,8 @@ pub(super) struct Solution {
     /// Those that repeat a face and so may contradict: no more than two a face count, since a bump of the table is easily
     /// taken for a placement.
     pub(super) repeats: usize,
+    /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
+    pub(super) coarse_step: Option<f64>,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
 }
@@ -46,8 +48,9 @@ pub(super) fn accelerometer(
     entries: &[Entry],
     config: &fit::Config,
     fixture: &Fixture,
+    step: Option<f64>,
 ) -> Result<accelerometer::Fit, String> {
-    fit_accelerometer(&placements_on_faces(entries, fixture), config, fixture, gravity(config))
+    fit_accelerometer(&placements_on_faces(entries, fixture, step), config, fixture, gravity(config))
 }
 
 /// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
@@ -55,6 +58,7 @@ pub(super) fn others(
     entries: &[Entry],
     Config { fit: config, secondary, .. }: &Config,
     fixture: &Fixture,
+    step: Option<f64>,
     accelerometer: Result<accelerometer::Fit, String>,
 ) -> Solution {
     let primary = accelerometer.as_ref().ok();
@@ -67,13 +71,16 @@ pub(super) fn others(
     });
     let secondary = secondary.collect();
     let rates = rates(entries);
-    let seen = placements_on_faces(entries, fixture);
+    let seen = placements_on_faces(entries, fixture, step);
+    let used = entries.iter().filter(|entry| entry.verdict.is_accepted());
+    let rounded = used.map(|entry| rounding(&entry.rest.accelerometer, step)).any(|variance| variance.max() > 0.0);
     let on_face = |i: usize| seen.iter().filter(|(face, _)| *face == i).count();
     let repeats = (0..fixture.faces().len()).map(|i| on_face(i).saturating_sub(1).min(2)).sum();
     Solution {
         gravity: gravity(config),
         placements: seen.len(),
         repeats,
+        coarse_step: step.filter(|_| rounded),
         accelerometer,
         gyro_placements: rates.len(),
         gyroscope: gyroscope::fit(&rates, config.rate_std),
@@ -82,7 +89,11 @@ pub(super) fn others(
 }
 
 /// The accepted rests, those of one placement on one face as one observation.
-fn placements_on_faces(entries: &[Entry], fixture: &Fixture) -> Vec<(usize, accelerometer::Observation)> {
+fn placements_on_faces(
+    entries: &[Entry],
+    fixture: &Fixture,
+    step: Option<f64>,
+) -> Vec<(usize, accelerometer::Observation)> {
     let mut groups: BTreeMap<(u32, usize), Vec<&TriadMean>> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
         if let Some((face, _)) = entry.verdict.face {
@@ -94,6 +105,8 @@ fn placements_on_faces(entries: &[Entry], fixture: &Fixture) -> Vec<(usize, acce
         .filter_map(|((_, face), means)| {
             let normal = fixture.faces().get(face)?.normal;
             let (mean, noise) = pooled(&means);
+            // However long a rest, what rounding does to its mean stays.
+            let noise = noise + rounding(means.first()?, step);
             Some((face, accelerometer::Observation { mean, noise, normal }))
         })
         .collect()
@@ -190,6 +203,13 @@ fn rates(entries: &[Entry]) -> Vec<gyroscope::Observation> {
             gyroscope::Observation { mean, noise }
         })
         .collect()
+}
+
+/// Variance that rounding to a step leaves in a mean, per axis: that of a uniform error where the noise is too small to
+/// average it out (below half a step), else none.
+fn rounding(mean: &TriadMean, step: Option<f64>) -> Vector3<f64> {
+    let step = step.unwrap_or(0.0);
+    mean.std().map(|std| if std < step / 2.0 { step * step / 12.0 } else { 0.0 })
 }
 
 /// Mean of several means of one placement, by their effective samples, and its noise variance.

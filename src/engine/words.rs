@@ -105,6 +105,11 @@ pub(super) fn active_bounds(active: &[usize], shape: Shape) -> Vec<String> {
     active.iter().map(|&i| format!("{} is held back by its bound: check fit.bounds", name(i))).collect()
 }
 
+/// Noise does not average the rounding out.
+pub(super) fn coarse(step: f64) -> String {
+    format!("the noise is below half a step of {step:.4} m/s²: rounding may bias every mean, which is in the bars")
+}
+
 /// Gravity is not known.
 pub(super) fn assumed_gravity(gravity: Gravity) -> String {
     format!("gravity assumed {} ± {:.4} m/s²: set fit.gravity to sharpen the scale", gravity.value, gravity.std)
