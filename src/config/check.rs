@@ -80,6 +80,16 @@ fn rests(still: &still::Config) -> Result<(), Fault> {
     ] {
         positive(key, value)?;
     }
+    for (key, seconds, most) in [
+        ("still.window_s", window_s, 60.0),
+        ("still.settle_s", settle_s, 60.0),
+        ("still.min_rest_s", min_rest_s, 3600.0),
+        ("still.min_fit_s", min_fit_s, 3600.0),
+        ("still.max_duration_s", max_duration_s, 86_400.0),
+        ("still.gap_s", gap_s, 3600.0),
+    ] {
+        not_above(key, seconds, most)?;
+    }
     not_below("still.leave", leave, "still.enter", enter)?;
     not_below("still.min_fit_s", min_fit_s, "still.min_rest_s", min_rest_s)?;
     not_below("still.max_duration_s", max_duration_s, "still.min_fit_s", min_fit_s)
@@ -90,9 +100,7 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     positive("fit.placement_std", fit.placement_std)?;
     positive("fit.rate_std", fit.rate_std)?;
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
-    if fit.max_tilt_deg > 45.0 {
-        return fault("fit.max_tilt_deg", format!("must not exceed 45, is {}", fit.max_tilt_deg));
-    }
+    not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;
     let fit::Bounds { accel_bias, accel_scale, gyro_bias, secondary_bias, secondary_scale } = fit.bounds;
     bounds("fit.bounds.accel_bias", accel_bias)?;
     bounds("fit.bounds.accel_scale", accel_scale)?;
@@ -103,6 +111,10 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
 
 fn positive(key: &str, value: f64) -> Result<(), Fault> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { fault(key, format!("must be positive, is {value}")) }
+}
+
+fn not_above(key: &str, value: f64, most: f64) -> Result<(), Fault> {
+    if value <= most { Ok(()) } else { fault(key, format!("must not exceed {most}, is {value}")) }
 }
 
 fn not_below(key: &str, value: f64, other: &str, least: f64) -> Result<(), Fault> {
@@ -121,4 +133,17 @@ fn bounds(key: &str, [lower, upper]: [f64; 2]) -> Result<(), Fault> {
 
 fn fault<T>(key: &str, why: impl Into<String>) -> Result<T, Fault> {
     Err(Fault { key: key.to_owned(), why: why.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_that_no_rest_needs_are_refused() {
+        let mut config = Config::default();
+        assert!(config.check().is_ok());
+        config.still.window_s = 1e9;
+        assert_eq!(config.check().map_err(|fault| fault.key), Err("still.window_s".to_owned()));
+    }
 }

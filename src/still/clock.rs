@@ -1,4 +1,4 @@
-//! The time base of one triad: its sample period, and where its stamps break.
+//! The time base of one triad: its sample period, and where its stamps break. What a break ends is left to the segmenter.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,8 @@ pub struct Clock {
 
 /// So many intervals make a median.
 const INTERVALS: usize = 63;
+/// Before so many were seen nothing is said of the period.
+const LEAST_INTERVALS: usize = 8;
 /// So many dropped stamps in a row are a clock that was set back.
 const PATIENCE: u32 = 5;
 
@@ -68,15 +70,18 @@ impl Clock {
             return self.rebase(stamp);
         }
         self.dropped_in_a_row = 0;
-        if self.period.is_some_and(|period| interval > self.gap_nanos.max(period.saturating_mul(5))) {
+        self.learn(interval);
+        if self.period.is_some_and(|period| interval > self.longest_interval(period)) {
+            // It may be the first of a slower rate, so the period is looked at again; one gap does not move a median.
+            self.measure();
             return self.rebase(stamp);
         }
         self.last = Some(stamp);
-        self.learn(interval);
         Tick::Next
     }
 
-    /// Median interval of the latest samples in nanoseconds, once eight were seen.
+    /// Typical interval of the latest samples in nanoseconds, once eight were seen: their median, or where they come in
+    /// bursts their mean.
     pub fn period(&self) -> Option<i64> {
         self.period
     }
@@ -107,11 +112,28 @@ impl Clock {
         }
         self.seen += 1;
         // Often while it is being learned, seldom afterwards: a median costs more than a sample may.
-        if (8..=64).contains(&self.seen) && self.seen.is_multiple_of(8) || self.seen.is_multiple_of(1024) {
-            let mut sorted = self.intervals.clone();
-            sorted.sort_unstable();
-            self.period = sorted.get(sorted.len() / 2).copied();
+        if self.seen <= 64 && self.seen.is_multiple_of(LEAST_INTERVALS as u64) || self.seen.is_multiple_of(1024) {
+            self.measure();
         }
+    }
+
+    fn measure(&mut self) {
+        let mut sorted = self.intervals.clone();
+        sorted.sort_unstable();
+        let Some(median) = sorted.get(sorted.len() / 2).copied().filter(|_| sorted.len() >= LEAST_INTERVALS) else {
+            return;
+        };
+        // Gaps are no intervals between samples. The shortest half is never beyond the limit, so there is a mean.
+        let longest = self.longest_interval(median);
+        let within = &sorted[..sorted.partition_point(|interval| *interval <= longest)];
+        let mean = within.iter().map(|interval| interval / within.len() as i64).sum::<i64>();
+        // A lost sample here and there leaves the mean near the median; a burst of samples per message does not.
+        self.period = Some(if mean > median.saturating_mul(2) { mean } else { median });
+    }
+
+    /// Beyond this the time base breaks, in nanoseconds.
+    fn longest_interval(&self, period: i64) -> i64 {
+        self.gap_nanos.max(period.saturating_mul(5))
     }
 }
 
@@ -150,6 +172,29 @@ mod tests {
         assert_eq!(clock.tick(at(1080)), Tick::Next);
         assert_eq!(clock.tick(at(1190)), Tick::Break);
         assert_eq!(clock.tick(at(1200)), Tick::Next);
+    }
+
+    #[test]
+    fn a_slower_rate_is_learned_and_a_single_gap_is_not() {
+        let mut clock = Clock::new(0.1);
+        (0..20).for_each(|i| assert_eq!(clock.tick(at(i)), Tick::Next));
+        let ticks: Vec<_> = (1..100).map(|i| clock.tick(at(20 + 200 * i))).collect();
+        assert!(ticks[40..].iter().all(|tick| *tick == Tick::Next), "{ticks:?}");
+        assert_eq!(clock.period(), Some(200_000_000));
+
+        let mut gap = running_at_100_hz();
+        assert_eq!(gap.tick(at(3_600_000)), Tick::Break);
+        assert_eq!(gap.period(), Some(10_000_000));
+    }
+
+    #[test]
+    fn the_period_of_samples_in_bursts_is_their_mean_interval() {
+        let mut clock = Clock::new(0.1);
+        for i in 0..200 {
+            clock.tick(Stamp::from_nanos(i / 10 * 100_000_000 + i % 10 * 100_000));
+        }
+        let period = clock.period().unwrap();
+        assert!((8_000_000..12_000_000).contains(&period), "{period}");
     }
 
     #[test]

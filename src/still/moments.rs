@@ -1,4 +1,4 @@
-//! Running mean and covariance of vectors, by Welford's update and Chan's merge: exact to rounding whatever the offset.
+//! Running mean and covariance of vectors, by Welford's update: exact to rounding whatever the offset.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -19,18 +19,6 @@ impl Moments {
         let before = value - self.mean;
         self.mean += before / self.count as f64;
         self.scatter += before * (value - self.mean).transpose();
-    }
-
-    /// Adds what another has seen (Chan, Golub & LeVeque 1979).
-    pub fn merge(&mut self, other: &Self) {
-        if other.count == 0 {
-            return;
-        }
-        let (n, m) = (self.count as f64, other.count as f64);
-        let between = other.mean - self.mean;
-        self.count += other.count;
-        self.mean += between * (m / (n + m));
-        self.scatter += other.scatter + between * between.transpose() * (n * m / (n + m));
     }
 
     /// How many vectors.
@@ -72,16 +60,6 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn merging_equals_seeing_everything(a in vectors(), b in vectors()) {
-            let mut merged = moments(&a);
-            merged.merge(&moments(&b));
-            let whole = moments(&[a, b].concat());
-            prop_assert_eq!(merged.count(), whole.count());
-            prop_assert!((merged.mean() - whole.mean()).norm() < 1e-9);
-            prop_assert!((merged.covariance() - whole.covariance()).norm() < 1e-8);
-        }
-
         #[test]
         fn covariance_equals_the_textbook_formula(a in vectors()) {
             prop_assume!(a.len() > 1);

@@ -127,9 +127,9 @@ impl Sums {
         self.all.variance()
     }
 
-    /// The mean of everything so far, if there is anything.
-    pub(super) fn mean(&self) -> Option<Vector3<f64>> {
-        (self.all.count() > 0).then(|| self.all.mean())
+    /// The mean of everything so far and its count, if there is anything.
+    pub(super) fn mean(&self) -> Option<(Vector3<f64>, u64)> {
+        (self.all.count() > 0).then(|| (self.all.mean(), self.all.count()))
     }
 
     pub(super) fn finish(&self) -> Option<TriadMean> {

@@ -6,7 +6,6 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::clock::Tick;
@@ -40,9 +39,10 @@ pub struct Segmenter {
     secondary: Vec<Track>,
     phase: Phase,
     state: State,
+    /// Number of the last placement.
     placement: u32,
-    /// Mean of the last rest, if the time since then holds a gap but no motion.
-    before_gap: Option<Vector3<f64>>,
+    /// What the first rest of that placement read, until motion ends it.
+    first: Option<TriadMean>,
     /// Rests that nobody can believe yet, oldest first.
     held: VecDeque<Rest>,
     ready: VecDeque<Rest>,
@@ -83,8 +83,8 @@ impl Segmenter {
             secondary: vec![Track::new(&config, Yardstick::None); secondary],
             phase: Phase::Moving,
             state: State::Unknown,
-            placement: 1,
-            before_gap: None,
+            placement: 0,
+            first: None,
             held: VecDeque::new(),
             ready: VecDeque::new(),
             config,
@@ -165,12 +165,12 @@ impl Segmenter {
         let statistic = self.statistic();
         let quiet = statistic.is_some_and(|statistic| statistic < self.config.enter);
         let loud = statistic.is_some_and(|statistic| statistic > self.config.leave);
-        if loud {
-            self.before_gap = None;
+        if loud && self.phase != Phase::Still {
+            self.first = None;
         }
         self.phase = match self.phase {
             Phase::Moving if quiet => {
-                let start = self.accelerometer.window_start().unwrap_or(now);
+                let start = self.window_start().unwrap_or(now);
                 self.tracks_mut().for_each(|track| track.open(start));
                 Phase::Settling(now)
             }
@@ -203,7 +203,7 @@ impl Segmenter {
 
     /// Samples one window old are safe from trimming: they enter the open rest, or are forgotten.
     fn commit(&mut self, now: Stamp) {
-        let Some(span) = self.accelerometer.window_span() else { return };
+        let Some(span) = self.window_span() else { return };
         // While moving, a start may yet be dated back by a window, on every triad's clock.
         let keep = if self.phase == Phase::Moving { span.saturating_mul(2) } else { span };
         let until = now.plus_nanos(keep.saturating_neg());
@@ -230,24 +230,26 @@ impl Segmenter {
         if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
-            self.continue_placement(&accelerometer.mean);
-            let placement = self.placement;
-            self.before_gap = (end == End::Gap).then_some(accelerometer.mean);
+            let placement = self.place(&accelerometer);
             self.keep(Rest { start, end: stop, placement, accelerometer, gyroscope, secondary });
         }
         if end == End::Motion {
-            self.before_gap = None;
-        }
-        if end != End::Split {
-            self.placement += 1;
+            self.first = None;
         }
     }
 
-    /// A rest that reads what the one before the gap read is no new placement.
-    fn continue_placement(&mut self, mean: &Vector3<f64>) {
-        if self.before_gap.is_some_and(|before| (mean - before).norm() < self.config.max_creep) {
-            self.placement = self.placement.saturating_sub(1);
+    /// The placement of a rest: that of the one before the split or the gap, as long as it reads what the first rest of
+    /// the placement read. What wandered further than the creep gate allows is another, however slowly it went.
+    fn place(&mut self, mean: &TriadMean) -> u32 {
+        let stays = self.first.as_ref().is_some_and(|first| {
+            let noise = (first.mean_variance() + mean.mean_variance()).sum().sqrt();
+            (mean.mean - first.mean).norm() <= self.creep_limit(noise)
+        });
+        if !stays {
+            self.placement = self.placement.saturating_add(1);
+            self.first = Some(mean.clone());
         }
+        self.placement
     }
 
     fn keep(&mut self, rest: Rest) {
@@ -299,15 +301,23 @@ impl Segmenter {
 
     /// Whether the accelerometer's mean has left where the rest began: a slow slide has little variance.
     fn creeps(&self) -> bool {
-        let (Some(now), Some(mean)) = (self.accelerometer.window_mean(), self.accelerometer.open_mean()) else {
+        let (Some(now), Some((mean, count))) = (self.accelerometer.window_mean(), self.accelerometer.open_mean())
+        else {
             return false;
         };
+        let (window, count) = (self.accelerometer.window_size() as f64, count as f64);
         let off = (now - mean).norm();
-        if off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
+        // A mean of few samples says little: right after a split there is but one.
+        if count < window || off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
             return false;
         }
-        let noise = self.accelerometer.level().unwrap_or(0.0) / (self.accelerometer.window_size() as f64).sqrt();
-        off > self.config.max_creep + 4.0 * noise
+        let noise = self.accelerometer.level().unwrap_or(0.0) * (1.0 / window + 1.0 / count).sqrt();
+        off > self.creep_limit(noise)
+    }
+
+    /// How far two means of one placement may differ, m/s², when their difference has so much noise.
+    fn creep_limit(&self, noise: f64) -> f64 {
+        self.config.max_creep + 4.0 * noise
     }
 
     /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
@@ -322,6 +332,18 @@ impl Segmenter {
             None => Some(accelerometer),
             Some(gyroscope) => gyroscope.statistic().map(|gyroscope| gyroscope.max(accelerometer)),
         }
+    }
+
+    /// The longest time that a voting triad's window covers: motion shows in it that long ago.
+    fn window_span(&self) -> Option<i64> {
+        let gyroscope = self.voting_gyroscope().and_then(Track::window_span);
+        self.accelerometer.window_span().map(|span| span.max(gyroscope.unwrap_or(0)))
+    }
+
+    /// Since when every voting triad's window has seen nothing but quiet.
+    fn window_start(&self) -> Option<Stamp> {
+        let gyroscope = self.voting_gyroscope().and_then(Track::window_start);
+        self.accelerometer.window_start().max(gyroscope)
     }
 
     fn is_credible(&self) -> bool {

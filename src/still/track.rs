@@ -15,6 +15,11 @@ use crate::imu::Sample;
 
 /// Fewest samples in a window: fewer say too little about a variance.
 const MIN_WINDOW: usize = 20;
+/// Most samples in a window, whatever the stamps say.
+const MAX_WINDOW: usize = 16_384;
+/// So many samples wait at most for the accelerometer to say what becomes of them: two of the longest windows, and as
+/// much again for a clock that runs ahead.
+const MAX_RECENT: usize = 4 * MAX_WINDOW;
 /// The thesis' window, in samples.
 const THESIS_WINDOW: usize = 100;
 
@@ -24,6 +29,9 @@ pub(super) struct Track {
     clock: Clock,
     window_nanos: f64,
     yardstick: Yardstick,
+    /// Samples in a window, once the sample period is known.
+    window_size: Option<usize>,
+    /// Of a triad that votes.
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
     open: Option<Sums>,
@@ -56,6 +64,7 @@ impl Track {
             clock: Clock::new(config.gap_s),
             window_nanos: config.window_s * 1e9,
             yardstick,
+            window_size: None,
             quiet: None,
             recent: VecDeque::new(),
             open: None,
@@ -70,6 +79,9 @@ impl Track {
 
     /// Takes a sample.
     pub(super) fn take(&mut self, sample: &Sample) {
+        if self.recent.len() >= MAX_RECENT {
+            self.recent.pop_front();
+        }
         self.recent.push_back((sample.stamp, sample.value));
         self.size_window();
         if let Some(quiet) = &mut self.quiet {
@@ -89,6 +101,10 @@ impl Track {
     pub(super) fn statistic(&self) -> Option<f64> {
         let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
         let variance = quiet.window.variance();
+        if variance.sum() == 0.0 {
+            // Over whatever the yardstick will be.
+            return Some(0.0);
+        }
         match self.yardstick {
             // Above the ceiling nothing is believed, so nothing is quiet against it either.
             Yardstick::Learned { ceiling } => {
@@ -127,7 +143,7 @@ impl Track {
     }
 
     pub(super) fn window_size(&self) -> usize {
-        self.quiet.as_ref().map_or(MIN_WINDOW, |quiet| quiet.window.size())
+        self.window_size.unwrap_or(MIN_WINDOW)
     }
 
     /// Time that a window covers, in nanoseconds; `None` before the sample period is known.
@@ -174,8 +190,8 @@ impl Track {
         self.is_learned() && self.level().is_some_and(|level| variance > (enter * level).powi(2))
     }
 
-    /// Mean of the open rest so far.
-    pub(super) fn open_mean(&self) -> Option<Vector3<f64>> {
+    /// Mean of the open rest so far, and of how many samples.
+    pub(super) fn open_mean(&self) -> Option<(Vector3<f64>, u64)> {
         self.open.as_ref()?.mean()
     }
 
@@ -195,12 +211,17 @@ impl Track {
         self.sized_for = Some(period);
         let size = match self.yardstick {
             Yardstick::Fixed { .. } => THESIS_WINDOW,
-            _ => MIN_WINDOW.max(libm::ceil(self.window_nanos / period.max(1) as f64) as usize),
+            _ => (libm::ceil(self.window_nanos / period.max(1) as f64) as usize).clamp(MIN_WINDOW, MAX_WINDOW),
         };
-        let present = self.quiet.as_ref().map_or(0, |quiet| quiet.window.size());
-        if size.abs_diff(present) * 4 > present {
-            self.quiet = Some(Quiet { window: Window::new(size), floor: Floor::new(size), since_floor: 0 });
+        if self.window_size.is_some_and(|present| size.abs_diff(present) * 4 <= present) {
+            return;
         }
+        self.window_size = Some(size);
+        self.quiet = self.yardstick.ceiling().map(|ceiling| Quiet {
+            window: Window::new(size),
+            floor: Floor::new(size, ceiling * 3_f64.sqrt()),
+            since_floor: 0,
+        });
     }
 }
 
@@ -225,11 +246,38 @@ impl Yardstick {
         }
     }
 
+    /// Noise of one axis above which nothing is rest; `None` if the triad does not vote.
+    fn ceiling(self) -> Option<f64> {
+        match self {
+            Self::Learned { ceiling } => Some(ceiling),
+            Self::Fixed { limit } => Some(limit),
+            Self::None => None,
+        }
+    }
+
     /// For a gyroscope.
     pub(super) fn gyroscope(config: &Config) -> Self {
         match config.detector {
             Detector::Adaptive => Self::Learned { ceiling: config.gyro_ceiling },
             Detector::MovingStd => Self::Fixed { limit: 0.15_f64.to_radians() },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_a_nanosecond_apart_and_nobody_to_commit_them_stay_within_bounds() {
+        let mut track = Track::new(&Config::default(), Yardstick::Learned { ceiling: 0.15 });
+        for nanos in 0..100_000 {
+            let sample = Sample { stamp: Stamp::from_nanos(nanos), log_time: 0, value: Vector3::zeros() };
+            track.tick(sample.stamp);
+            track.take(&sample);
+        }
+        assert_eq!(track.window_size(), MAX_WINDOW);
+        assert_eq!(track.recent.len(), MAX_RECENT);
+        assert!(track.quiet.unwrap().window.is_full());
     }
 }

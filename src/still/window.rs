@@ -22,13 +22,7 @@ pub(super) struct Window {
 
 impl Window {
     pub(super) fn new(size: usize) -> Self {
-        Self {
-            size,
-            front: Vec::with_capacity(size),
-            back: Vec::with_capacity(size),
-            back_sum: Spread::default(),
-            total: Spread::default(),
-        }
+        Self { size, front: Vec::new(), back: Vec::new(), back_sum: Spread::default(), total: Spread::default() }
     }
 
     pub(super) fn push(&mut self, value: &Vector3<f64>) {

@@ -23,6 +23,8 @@ pub struct Session {
     accelerometer: Calibration,
     /// Truth of a secondary one, if there is one.
     secondary: Option<Calibration>,
+    /// Noise of the primary accelerometer's axes, m/s².
+    accel_noise: f64,
     now: i64,
     pub samples: Vec<(Sensor, Sample)>,
 }
@@ -34,6 +36,7 @@ impl Session {
             rng: ChaCha8Rng::seed_from_u64(11),
             accelerometer: Calibration::default(),
             secondary: None,
+            accel_noise: 0.03,
             now: START,
             samples: Vec::new(),
         }
@@ -41,6 +44,11 @@ impl Session {
 
     pub fn accelerometer(mut self, truth: Calibration) -> Self {
         self.accelerometer = truth;
+        self
+    }
+
+    pub fn accel_noise(mut self, sigma: f64) -> Self {
+        self.accel_noise = sigma;
         self
     }
 
@@ -60,7 +68,7 @@ impl Session {
     pub fn sample(&mut self, specific_force: Vector3<f64>, rate: Vector3<f64>) {
         let stamp = Stamp::from_nanos(self.now);
         let log_time = self.now as u64;
-        let accelerometer = self.accelerometer.measure(&specific_force) + self.noise(0.03);
+        let accelerometer = self.accelerometer.measure(&specific_force) + self.noise(self.accel_noise);
         let gyroscope = rate + Vector3::from(GYRO_BIAS) + self.noise(0.002);
         self.samples.push((Sensor::Gyroscope, Sample { stamp, log_time, value: gyroscope }));
         self.samples.push((Sensor::Accelerometer, Sample { stamp, log_time, value: accelerometer }));
