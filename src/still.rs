@@ -11,6 +11,7 @@ mod clock;
 mod config;
 mod floor;
 mod moments;
+mod placement;
 mod rest;
 mod segmenter;
 mod status;

@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::clock::Tick;
+use super::placement::{Placement, creep_limit};
 use super::rest::{Rest, TriadMean};
 use super::status::{State, Status};
 use super::track::{Track, Yardstick};
@@ -39,10 +40,7 @@ pub struct Segmenter {
     secondary: Vec<Track>,
     phase: Phase,
     state: State,
-    /// Number of the last placement.
-    placement: u32,
-    /// What the first rest of that placement read, until motion ends it.
-    first: Option<TriadMean>,
+    placement: Placement,
     /// Rests that nobody can believe yet, oldest first.
     held: VecDeque<Rest>,
     ready: VecDeque<Rest>,
@@ -83,8 +81,7 @@ impl Segmenter {
             secondary: vec![Track::new(&config, Yardstick::None); secondary],
             phase: Phase::Moving,
             state: State::Unknown,
-            placement: 0,
-            first: None,
+            placement: Placement::default(),
             held: VecDeque::new(),
             ready: VecDeque::new(),
             config,
@@ -166,7 +163,7 @@ impl Segmenter {
         let quiet = statistic.is_some_and(|statistic| statistic < self.config.enter);
         let loud = statistic.is_some_and(|statistic| statistic > self.config.leave);
         if loud && self.phase != Phase::Still {
-            self.first = None;
+            self.placement.end();
         }
         self.phase = match self.phase {
             Phase::Moving if quiet => {
@@ -230,26 +227,12 @@ impl Segmenter {
         if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
-            let placement = self.place(&accelerometer);
+            let placement = self.placement.place(&accelerometer, self.config.max_creep);
             self.keep(Rest { start, end: stop, placement, accelerometer, gyroscope, secondary });
         }
         if end == End::Motion {
-            self.first = None;
+            self.placement.end();
         }
-    }
-
-    /// The placement of a rest: that of the one before the split or the gap, as long as it reads what the first rest of
-    /// the placement read. What wandered further than the creep gate allows is another, however slowly it went.
-    fn place(&mut self, mean: &TriadMean) -> u32 {
-        let stays = self.first.as_ref().is_some_and(|first| {
-            let noise = (first.mean_variance() + mean.mean_variance()).sum().sqrt();
-            (mean.mean - first.mean).norm() <= self.creep_limit(noise)
-        });
-        if !stays {
-            self.placement = self.placement.saturating_add(1);
-            self.first = Some(mean.clone());
-        }
-        self.placement
     }
 
     fn keep(&mut self, rest: Rest) {
@@ -312,12 +295,7 @@ impl Segmenter {
             return false;
         }
         let noise = self.accelerometer.level().unwrap_or(0.0) * (1.0 / window + 1.0 / count).sqrt();
-        off > self.creep_limit(noise)
-    }
-
-    /// How far two means of one placement may differ, m/s², when their difference has so much noise.
-    fn creep_limit(&self, noise: f64) -> f64 {
-        self.config.max_creep + 4.0 * noise
+        off > creep_limit(self.config.max_creep, noise)
     }
 
     /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
