@@ -11,7 +11,7 @@
 //! let scenario = Scenario::builtin("demo")?;
 //! let mut recording = Vec::new();
 //! let truth = record(&scenario, &mut recording)?;
-//! assert_eq!(truth.rests.len(), 8);
+//! assert_eq!(truth.rests.len(), 9);
 //! assert!(recording.starts_with(b"\x89MCAP0\r\n"));
 //! # Ok::<(), stillpoint::simulate::Error>(())
 //! ```
