@@ -14,6 +14,11 @@ use session::{G, GYRO_BIAS, START, Session};
 
 /// The rests that a segmenter finds in a session.
 fn found(session: &Session, config: &Config) -> Vec<Rest> {
+    segmented(session, config).1
+}
+
+/// The same, with the segmenter as it is at the end.
+fn segmented(session: &Session, config: &Config) -> (Segmenter, Vec<Rest>) {
     let mut segmenter = Segmenter::new(config, 0);
     let mut rests = Vec::new();
     for (sensor, sample) in &session.samples {
@@ -22,7 +27,7 @@ fn found(session: &Session, config: &Config) -> Vec<Rest> {
     }
     segmenter.finish();
     rests.extend(std::iter::from_fn(|| segmenter.next_rest()));
-    rests
+    (segmenter, rests)
 }
 
 /// Start and end of each rest in seconds since the first sample.
@@ -190,14 +195,7 @@ fn what_passed_for_rest_under_a_floor_that_was_too_high_is_not_quiet_by_the_floo
         session.sample(Vector3::new(shake, shake, G), Vector3::zeros());
     }
     let session = session.motion(1.0).rest(Vector3::x(), 20.0);
-    let mut segmenter = Segmenter::new(&Config::default(), 0);
-    let mut rests = Vec::new();
-    for (sensor, sample) in &session.samples {
-        segmenter.push(*sensor, sample);
-        rests.extend(std::iter::from_fn(|| segmenter.next_rest()));
-    }
-    segmenter.finish();
-    rests.extend(std::iter::from_fn(|| segmenter.next_rest()));
+    let (segmenter, rests) = segmented(&session, &Config::default());
     let first = Stamp::from_nanos(START);
     assert!(rests.iter().any(|rest| segmenter.is_quiet(rest) && rest.seconds() > 19.0), "{:?}", spans(&rests));
     assert!(rests.iter().any(|rest| !segmenter.is_quiet(rest)), "{:?}", spans(&rests));
