@@ -143,6 +143,26 @@ impl Engine {
         self.learn(sample.stamp, sample.log_time, false, events);
     }
 
+    /// The driver says that the reading of this stamp was clipped. The rest that it falls into is rejected as saturated;
+    /// in motion it means nothing. To be said before or after the reading itself, but not much later.
+    pub fn clipped(&mut self, sensor: Sensor, stamp: Stamp) {
+        self.segmenter.clip(sensor, stamp);
+    }
+
+    /// The driver has changed the calibration that it applies to a triad by itself, from the sample with this stamp on:
+    /// to be said before that sample is pushed. An open rest ends, and what the triad read so far no longer counts; of
+    /// the primary accelerometer, no earlier rest does.
+    pub fn begin_round(&mut self, sensor: Sensor, stamp: Stamp, log_time: u64, events: &mut Vec<Event>) {
+        self.segmenter.cut(sensor);
+        self.learn(stamp, log_time, false, events);
+        self.segmenter.forget(sensor);
+        self.book.forget(sensor);
+        let text = words::new_round(&self.config, sensor);
+        events.push(self.log(stamp, log_time, Level::Warning, text));
+        let solution = self.solve();
+        self.publish(&solution, stamp, log_time, false, events);
+    }
+
     /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };

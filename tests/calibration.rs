@@ -397,6 +397,75 @@ fn a_still_sensor_with_huge_noise_is_not_believed() {
     assert!(warned);
 }
 
+#[test]
+fn a_rest_with_readings_that_the_driver_calls_clipped_is_saturated() {
+    let session = Session::new().accelerometer(truth()).rests(&cube(), 3.0).motion(1.0);
+    let mut engine = Engine::new(config());
+    let mut events = Vec::new();
+    for (i, (sensor, sample)) in session.samples.iter().enumerate() {
+        // One second into the last rest but one; and in a motion, where it means nothing.
+        if [2 * 1800, 2 * 50].contains(&i) {
+            engine.clipped(Sensor::Accelerometer, sample.stamp);
+        }
+        engine.push(*sensor, sample, &mut events);
+    }
+    engine.finish(&mut events);
+    let learned = Learned { events, engine };
+    let reasons = learned.reasons();
+    assert_eq!(reasons.iter().filter(|reason| **reason == Reason::Saturated).count(), 1, "{reasons:?}");
+    assert!(learned.segments()[4].explanation.contains("wider range"), "{}", learned.segments()[4].explanation);
+    assert_eq!(learned.accelerometer().status(), Status::Undetermined);
+    assert!(learned.coverage().next_step.contains("+Z"), "{}", learned.coverage().next_step);
+}
+
+#[test]
+fn what_was_read_before_a_driver_calibrates_by_itself_no_longer_counts() {
+    let shifted = Calibration { bias: Vector3::new(0.3, 0.3, 0.3), ..truth() };
+    let mut session = Session::new().accelerometer(truth()).rests(&cube(), 3.0);
+    let change = session.samples.len();
+    session = session.accelerometer(shifted).rests(&[Vector3::z()], 3.0).rests(&cube(), 3.0).motion(1.0);
+    for sensor in [Sensor::Accelerometer, Sensor::Gyroscope, Sensor::Secondary(0)] {
+        let secondary = vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }];
+        let mut engine = Engine::new(Config { secondary, ..config() });
+        let mut events = Vec::new();
+        let mut before = 0;
+        for (i, (of, sample)) in session.samples.iter().enumerate() {
+            if i == change {
+                before = events.len();
+                engine.begin_round(sensor, sample.stamp, sample.log_time, &mut events);
+            }
+            engine.push(*of, sample, &mut events);
+        }
+        engine.finish(&mut events);
+        let told = events[before..].iter().any(|event| match &event.message {
+            Message::Log(log) => log.message.contains("changed its own calibration"),
+            _ => false,
+        });
+        assert!(told);
+        let first = |event: &Event| if let Message::Calibration(c) = &event.message { Some(c.clone()) } else { None };
+        let next = events[before..].iter().filter_map(first).next_back().unwrap();
+        let learned = Learned { events, engine };
+        match sensor {
+            Sensor::Accelerometer => {
+                assert_near(&learned.accelerometer(), &shifted, 0.005, 5e-4);
+                assert_eq!(next.segments, 7);
+                let statuses: Vec<_> =
+                    learned.calibrations().iter().map(|c| c.accelerometer.clone().unwrap().status()).collect();
+                assert!(
+                    statuses.windows(2).any(|pair| pair == [Status::Provisional, Status::Undetermined]),
+                    "{statuses:?}"
+                );
+            }
+            // The accelerometer's rests stay, and contradict each other.
+            _ => assert_eq!(learned.segments().iter().filter(|segment| segment.accepted).count(), 13),
+        }
+        if sensor == Sensor::Gyroscope {
+            let silent = |c: &&&messages::Calibration| c.gyroscope.clone().unwrap().status() == Status::Undetermined;
+            assert_eq!(learned.calibrations().iter().filter(silent).count(), 1);
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
     #[test]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::imu::Sensor;
 use crate::messages::segment::Reason;
 use crate::still::{Rest, TriadMean};
 
@@ -73,6 +74,17 @@ impl Book {
         let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
         let seconds = rest.seconds();
         self.entries.push(Entry { rest, verdict, told: None, count: 1, seconds });
+    }
+
+    /// Takes what a triad read out of every rest; of the primary accelerometer, the rests themselves.
+    pub(super) fn forget(&mut self, sensor: Sensor) {
+        for entry in std::mem::take(&mut self.entries) {
+            let Entry { rest, count, .. } = entry;
+            match rest.without(sensor) {
+                Some(rest) => self.entries.push(Entry { rest, ..entry }),
+                None => self.forgotten += count,
+            }
+        }
     }
 
     pub(super) fn entries(&self) -> &[Entry] {
@@ -149,5 +161,6 @@ fn merged(a: &TriadMean, b: &TriadMean) -> TriadMean {
         mean: a.mean + (b.mean - a.mean) * share,
         covariance: a.covariance + (b.covariance - a.covariance) * share,
         trend: a.trend,
+        clipped: a.clipped + b.clipped,
     }
 }

@@ -85,6 +85,9 @@ impl Judge<'_> {
             let explanation = format!("{seconds:.2} s: hold it still for {} s or more", self.still.min_fit_s);
             return Some((Reason::TooShort, explanation));
         }
+        if let Some(explanation) = clipped(rest) {
+            return Some((Reason::Saturated, explanation));
+        }
         // A coarse converter may stand still by itself, one whose noise is above its step does not.
         if accelerometer.deviation() == 0.0 && self.segmenter.accel_step().is_some_and(|step| loudest > 2.0 * step) {
             let explanation = "the accelerometer does not change at all, as it did before: is the stream frozen?";
@@ -148,6 +151,15 @@ impl Judge<'_> {
         let best = scored.max_by(|(a, x), (b, y)| a.total_cmp(b).then(y.norm().total_cmp(&x.norm())));
         best.map(|(_, rate)| *rate)
     }
+}
+
+/// That the driver called readings clipped.
+fn clipped(rest: &Rest) -> Option<String> {
+    let gyroscope = rest.gyroscope.as_ref().map_or(0, |mean| mean.clipped);
+    let said = [("accelerometer", rest.accelerometer.clipped), ("gyroscope", gyroscope)];
+    said.into_iter().find(|(_, clipped)| *clipped > 0).map(|(name, clipped)| {
+        format!("the driver says that {clipped} readings of the {name} were clipped: set a wider range in the driver")
+    })
 }
 
 /// The axis that stands still to the last bit while another moves by more than a step of the converter.

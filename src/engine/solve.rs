@@ -158,7 +158,8 @@ fn fit_secondary(
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
     let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
-        if let Some(Some(second)) = entry.rest.secondary.get(index) {
+        let second = entry.rest.secondary.get(index).and_then(Option::as_ref);
+        if let Some(second) = second.filter(|mean| mean.clipped == 0) {
             let (primary, secondary) = groups.entry(entry.rest.placement).or_default();
             primary.push(&entry.rest.accelerometer);
             secondary.push(second);

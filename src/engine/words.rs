@@ -1,9 +1,11 @@
 //! What people are told.
 
+use super::Config;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
 use crate::fit::Shape;
 use crate::fit::accelerometer::Gravity;
+use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
 use crate::messages::{Calibration, Face, Segment, Triad, Vector3};
@@ -73,6 +75,18 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
         config.accel_ceiling,
         config.gyro_ceiling
     ))
+}
+
+/// The driver changed a calibration of its own.
+pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
+    let (name, advice) = match sensor {
+        Sensor::Accelerometer => ("accelerometer", "show every face again"),
+        Sensor::Gyroscope => ("gyroscope", "let the sensor rest again"),
+        Sensor::Secondary(i) => {
+            (config.secondary.get(i).map_or("secondary", |s| s.name.as_str()), "show the faces again")
+        }
+    };
+    format!("the driver changed its own calibration of the {name}: what it read before no longer counts; {advice}")
 }
 
 /// Further remarks, to be put behind a sentence.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Moments;
 use crate::Stamp;
+use crate::imu::Sensor;
 
 /// One zero-velocity segment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +29,20 @@ impl Rest {
     pub fn seconds(&self) -> f64 {
         self.end.seconds_since(self.start)
     }
+
+    /// The same without what a triad read; nothing is left without the primary accelerometer.
+    pub fn without(mut self, sensor: Sensor) -> Option<Self> {
+        match sensor {
+            Sensor::Accelerometer => return None,
+            Sensor::Gyroscope => self.gyroscope = None,
+            Sensor::Secondary(i) => {
+                if let Some(mean) = self.secondary.get_mut(i) {
+                    *mean = None;
+                }
+            }
+        }
+        Some(self)
+    }
 }
 
 /// Mean and noise of one triad during a rest.
@@ -43,6 +58,8 @@ pub struct TriadMean {
     pub covariance: Matrix3<f64>,
     /// Change of each axis from start to end along the line of best fit.
     pub trend: Vector3<f64>,
+    /// How many samples the driver called clipped.
+    pub clipped: u64,
 }
 
 impl TriadMean {
@@ -77,6 +94,7 @@ pub(super) struct Sums {
     time_squares: f64,
     time_products: Vector3<f64>,
     bounds: Option<(Stamp, Stamp)>,
+    clipped: u64,
 }
 
 impl Sums {
@@ -92,6 +110,7 @@ impl Sums {
             time_squares: 0.0,
             time_products: Vector3::zeros(),
             bounds: None,
+            clipped: 0,
         }
     }
 
@@ -111,6 +130,11 @@ impl Sums {
             self.batches.push(&(self.batch / self.batch_size as f64));
             (self.batch, self.batch_count) = (Vector3::zeros(), 0);
         }
+    }
+
+    /// One of its samples was clipped.
+    pub(super) fn clip(&mut self) {
+        self.clipped += 1;
     }
 
     pub(super) fn start(&self) -> Stamp {
@@ -139,6 +163,7 @@ impl Sums {
             mean: self.all.mean(),
             covariance: self.all.covariance(),
             trend: self.trend(),
+            clipped: self.clipped,
         })
     }
 

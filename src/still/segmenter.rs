@@ -108,6 +108,26 @@ impl Segmenter {
         }
     }
 
+    /// The driver says that the reading of this stamp was clipped: it counts in the rest that it falls into.
+    pub fn clip(&mut self, sensor: Sensor, stamp: Stamp) {
+        if let Some(track) = self.track(sensor) {
+            track.clip(stamp);
+        }
+    }
+
+    /// What a triad reads from now on is not to be compared with what it read before: ends an open rest.
+    pub fn cut(&mut self, sensor: Sensor) {
+        self.break_off();
+        if sensor == Sensor::Accelerometer {
+            self.placement.end();
+        }
+    }
+
+    /// Takes what a triad read out of the rests that nobody could believe yet.
+    pub fn forget(&mut self, sensor: Sensor) {
+        self.held = self.held.drain(..).filter_map(|rest| rest.without(sensor)).collect();
+    }
+
     /// The next finished rest, oldest first.
     pub fn next_rest(&mut self) -> Option<Rest> {
         self.ready.pop_front()

@@ -34,6 +34,8 @@ pub(super) struct Track {
     /// Of a triad that votes.
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
+    /// Stamps of readings among them that the driver called clipped.
+    clipped: VecDeque<Stamp>,
     open: Option<Sums>,
     /// The sample period that the window was made for.
     sized_for: Option<i64>,
@@ -67,6 +69,7 @@ impl Track {
             window_size: None,
             quiet: None,
             recent: VecDeque::new(),
+            clipped: VecDeque::new(),
             open: None,
             sized_for: None,
         }
@@ -89,9 +92,18 @@ impl Track {
         }
     }
 
+    /// The reading of this stamp was clipped.
+    pub(super) fn clip(&mut self, stamp: Stamp) {
+        if self.clipped.len() >= MAX_RECENT {
+            self.clipped.pop_front();
+        }
+        self.clipped.push_back(stamp);
+    }
+
     /// Starts anew after a break of the time base, here or in a triad that this one is judged with.
     pub(super) fn forget(&mut self) {
         self.recent.clear();
+        self.clipped.clear();
         if let Some(quiet) = &mut self.quiet {
             quiet.window.clear();
         }
@@ -180,6 +192,12 @@ impl Track {
             self.recent.pop_front();
             if let Some(sums) = self.open.as_mut().filter(|sums| stamp >= sums.start()) {
                 sums.push(stamp, &value);
+            }
+        }
+        while let Some(stamp) = self.clipped.front().copied().filter(|stamp| *stamp <= until) {
+            self.clipped.pop_front();
+            if let Some(sums) = self.open.as_mut().filter(|sums| stamp >= sums.start()) {
+                sums.clip();
             }
         }
     }
