@@ -212,7 +212,7 @@ impl Engine {
             before = verdicts;
             accelerometer = solve::accelerometer(entries, &config.fit, fixture, step);
             let Ok(fit) = &accelerometer else { break };
-            calibration = fit.calibration;
+            calibration = fit.calibration();
         }
         solve::others(entries, config, fixture, step, accelerometer)
     }

@@ -1,8 +1,8 @@
 //! What rests say about a sensor. Finding the rests is left to [`still`](crate::still), choosing among them and saying
 //! what came out to [`engine`](crate::engine).
 //!
-//! The measurement model everywhere is `measured = b + S · true` (Guang-Lin et al., 2012, at rest and at constant
-//! temperature); [`Shape`] says which entries of S are unknown.
+//! The measurement model everywhere is `measured = b + S · true` at rest (Guang-Lin et al., 2012, at constant
+//! temperature); [`Shape`] says what of it is unknown, and every fit is a [`System`] of equations about that.
 
 pub mod accelerometer;
 pub mod gyroscope;
@@ -10,14 +10,22 @@ pub mod secondary;
 
 mod calibration;
 mod config;
+mod estimate;
 mod fixture;
 mod lsqlin;
 mod orientation;
+mod regression;
 mod scatter;
+mod shape;
+mod system;
 
-pub use calibration::{Calibration, Shape};
+pub use calibration::Calibration;
 pub use config::{Bounds, Config, Estimator, Model};
+pub use estimate::Estimate;
 pub use fixture::{Face, Fixture};
 pub use lsqlin::{Error, Solution, lsqlin};
 pub use orientation::guess;
+pub use regression::Reading;
 pub use scatter::variance_between;
+pub use shape::{Shape, Term, Truth};
+pub use system::{Limits, Solved, System, limits};

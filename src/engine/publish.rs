@@ -1,6 +1,6 @@
 //! What an engine knows, as messages, and which of it is news.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::book::{Book, Entry};
@@ -8,8 +8,7 @@ use super::solve::Solution;
 use super::words;
 use super::{Config, Secondary};
 use crate::Stamp;
-use crate::fit::accelerometer::worst_case_error;
-use crate::fit::{Calibration, Fixture, Shape};
+use crate::fit::{Estimate, Fixture, Shape, Term};
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
 use crate::still::TriadMean;
@@ -174,20 +173,16 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
         Ok(fit) => fit,
         Err(why) => return Triad { notes: vec![why.clone()], ..named },
     };
-    let worst = worst_case_error(&fit.calibration, fit.shape, &fit.covariance, solution.gravity.value);
-    let mut notes = words::active_bounds(&fit.active, fit.shape);
+    let mut notes = words::active_bounds(fit);
     notes.extend(solution.coarse_step.map(words::coarse));
     if config.fit.gravity.is_none() {
         notes.push(words::assumed_gravity(solution.gravity));
     }
     Triad {
         status: accelerometer_status(solution).into(),
-        residual_rms: Some(fit.residual_rms),
-        chi2_per_dof: fit.chi2_per_dof,
-        condition: Some(fit.condition),
-        worst_case_error: Some(worst),
+        worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
         notes,
-        ..parameters(named, &fit.calibration, fit.shape, &fit.covariance)
+        ..estimated(named, fit)
     }
 }
 
@@ -199,23 +194,19 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
         Some(Err(why)) => return Triad { notes: vec![why.clone()], ..named },
         None => return named,
     };
-    let shape = Shape::DIAGONAL;
     Triad {
         // It can be no surer than the primary that it was compared with.
         status: match accelerometer_status(solution) {
             Status::Confirmed => {
-                let freedom = 3 * solution.placements.saturating_sub(2);
+                let freedom = (3 * solution.placements).saturating_sub(fit.shape.unknowns());
                 status(solution.repeats, freedom, fit.chi2_per_dof)
             }
             other => other,
         }
         .into(),
-        residual_rms: Some(fit.residual_rms),
-        chi2_per_dof: fit.chi2_per_dof,
-        condition: Some(fit.condition),
-        worst_case_error: Some(worst_case_error(&fit.calibration, shape, &fit.covariance, solution.gravity.value)),
-        notes: words::active_bounds(&fit.active, shape),
-        ..parameters(named, &fit.calibration, shape, &fit.covariance)
+        worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
+        notes: words::active_bounds(fit),
+        ..estimated(named, fit)
     }
 }
 
@@ -227,15 +218,11 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
         return Triad { notes: silent.then_some(note).into_iter().collect(), ..named };
     };
     let repeats = solution.gyro_placements.saturating_sub(1);
+    let freedom = (3 * solution.gyro_placements).saturating_sub(fit.shape.unknowns());
     Triad {
-        model: Model::Bias.into(),
-        status: status(repeats, 3 * repeats, fit.chi2_per_dof).into(),
-        bias: Some(vector(&fit.bias)),
-        bias_std: Some(vector(&fit.covariance.diagonal().map(f64::sqrt))),
-        covariance: row_major(&fit.covariance),
-        residual_rms: Some(fit.residual_rms),
-        chi2_per_dof: fit.chi2_per_dof,
-        ..named
+        status: status(repeats, freedom, fit.chi2_per_dof).into(),
+        notes: words::active_bounds(fit),
+        ..estimated(named, fit)
     }
 }
 
@@ -243,22 +230,56 @@ fn named(sensor: &str, topic: &str) -> Triad {
     Triad { sensor: sensor.to_owned(), topic: topic.to_owned(), ..Triad::default() }
 }
 
-fn parameters(named: Triad, calibration: &Calibration, shape: Shape, covariance: &DMatrix<f64>) -> Triad {
-    let std = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+/// What any triad's estimate says.
+fn estimated(named: Triad, fit: &Estimate) -> Triad {
+    let Estimate { shape, parameters, .. } = fit;
+    let calibration = fit.calibration();
+    let mut bias_std = Vector3::zeros();
     let mut sensitivity_std = Matrix3::zeros();
-    for (k, &entry) in shape.free().iter().enumerate() {
-        sensitivity_std[entry] = std(3 + k);
+    for (i, term) in shape.terms().iter().enumerate() {
+        match *term {
+            Term::Bias(axis) => bias_std[axis] = fit.std(i),
+            Term::Own(row, column) => sensitivity_std[(row, column)] = fit.std(i),
+            Term::Other(..) | Term::Square(_) => {}
+        }
+    }
+    let cross = shape.cross(parameters).map(|cross| row_major(&cross)).unwrap_or_default();
+    let squares = shape.squares(parameters).map(|squares| squares.as_slice().to_vec()).unwrap_or_default();
+    let gyroscope = matches!(*shape, Shape::GYROSCOPE_AT_REST | Shape::FULL_GYROSCOPE);
+    let (g_sensitivity, rate_sensitivity) = if gyroscope { (cross, Vec::new()) } else { (Vec::new(), cross) };
+    let triad = Triad {
+        g_sensitivity,
+        g2_sensitivity: squares,
+        rate_sensitivity,
+        model: model(*shape).into(),
+        bias: Some(vector(&calibration.bias)),
+        bias_std: Some(vector(&bias_std)),
+        covariance: fit.covariance.transpose().as_slice().to_vec(),
+        residual_rms: Some(fit.residual_rms),
+        chi2_per_dof: fit.chi2_per_dof,
+        condition: Some(fit.condition),
+        ..named
+    };
+    if !shape.has(Term::Own(0, 0)) {
+        return triad;
     }
     Triad {
-        model: Model::BiasScale.into(),
-        bias: Some(vector(&calibration.bias)),
-        bias_std: Some(vector(&Vector3::from_fn(|i, _| std(i)))),
         scale: Some(vector(&calibration.sensitivity.diagonal())),
         scale_std: Some(vector(&sensitivity_std.diagonal())),
         sensitivity: row_major(&calibration.sensitivity),
         sensitivity_std: row_major(&sensitivity_std),
-        covariance: covariance.transpose().as_slice().to_vec(),
-        ..named
+        ..triad
+    }
+}
+
+/// What the messages call a shape.
+fn model(shape: Shape) -> Model {
+    match shape {
+        Shape::BIAS => Model::Bias,
+        Shape::DIAGONAL => Model::BiasScale,
+        Shape::TRIANGULAR => Model::Triangular,
+        Shape::MATRIX | Shape::GYROSCOPE_AT_REST => Model::CrossAxis,
+        _ => Model::Full,
     }
 }
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::Config;
 use super::book::Entry;
 use super::words;
 use crate::fit::accelerometer::{Assumptions, Gravity};
-use crate::fit::{self, Bounds, Fixture, Shape, accelerometer, gyroscope, secondary};
+use crate::fit::{self, Bounds, Estimate, Fixture, Reading, Shape, Truth, accelerometer, gyroscope, secondary};
 use crate::still::TriadMean;
 
 /// Standard gravity, m/s² (CGPM 1901).
@@ -21,9 +21,9 @@ const GRAVITY_SPREAD: f64 = 0.0015;
 pub(super) struct Solution {
     pub(super) gravity: Gravity,
     /// Or why not.
-    pub(super) accelerometer: Result<accelerometer::Fit, String>,
-    pub(super) gyroscope: Option<gyroscope::Fit>,
-    pub(super) secondary: Vec<Result<secondary::Fit, String>>,
+    pub(super) accelerometer: Result<Estimate, String>,
+    pub(super) gyroscope: Option<Estimate>,
+    pub(super) secondary: Vec<Result<Estimate, String>>,
     /// Accepted placements, all faces together.
     pub(super) placements: usize,
     /// Those that repeat a face and so may contradict: no more than two a face count, since a bump of the table is easily
@@ -49,7 +49,7 @@ pub(super) fn accelerometer(
     config: &fit::Config,
     fixture: &Fixture,
     step: Option<f64>,
-) -> Result<accelerometer::Fit, String> {
+) -> Result<Estimate, String> {
     fit_accelerometer(&placements_on_faces(entries, fixture, step), config, fixture, gravity(config))
 }
 
@@ -59,7 +59,7 @@ pub(super) fn others(
     Config { fit: config, secondary, .. }: &Config,
     fixture: &Fixture,
     step: Option<f64>,
-    accelerometer: Result<accelerometer::Fit, String>,
+    accelerometer: Result<Estimate, String>,
 ) -> Solution {
     let primary = accelerometer.as_ref().ok();
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
@@ -83,7 +83,7 @@ pub(super) fn others(
         coarse_step: step.filter(|_| rounded),
         accelerometer,
         gyro_placements: rates.len(),
-        gyroscope: gyroscope::fit(&rates, config.rate_std),
+        gyroscope: gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds).ok(),
         secondary,
     }
 }
@@ -117,7 +117,7 @@ fn fit_accelerometer(
     config: &fit::Config,
     fixture: &Fixture,
     gravity: Gravity,
-) -> Result<accelerometer::Fit, String> {
+) -> Result<Estimate, String> {
     let missing: Vec<_> = fixture
         .faces()
         .iter()
@@ -142,7 +142,7 @@ fn fit_accelerometer(
             "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}{}",
             fit.residual_rms,
             fit.residual_limit,
-            words::also(&words::active_bounds(&fit.active, fit.shape))
+            words::also(&words::active_bounds(&fit))
         ));
     }
     Ok(fit)
@@ -153,8 +153,8 @@ fn fit_secondary(
     index: usize,
     assumed_std: f64,
     bounds: &Bounds,
-    primary: Option<&accelerometer::Fit>,
-) -> Result<secondary::Fit, String> {
+    primary: Option<&Estimate>,
+) -> Result<Estimate, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
     let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
@@ -175,8 +175,9 @@ fn fit_secondary(
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    let fit = secondary::fit(&pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())?;
-    let held_back = words::active_bounds(&fit.active, Shape::DIAGONAL);
+    let fit =
+        secondary::fit(Shape::DIAGONAL, &pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())?;
+    let held_back = words::active_bounds(&fit);
     if !fit.agrees() {
         return Err(format!(
             "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. Check its \
@@ -190,7 +191,7 @@ fn fit_secondary(
 }
 
 /// What the gyroscope read during each placement that is no turn.
-fn rates(entries: &[Entry]) -> Vec<gyroscope::Observation> {
+fn rates(entries: &[Entry]) -> Vec<Reading> {
     let mut groups: BTreeMap<u32, Vec<&TriadMean>> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
         if let Some(gyroscope) = &entry.rest.gyroscope {
@@ -201,7 +202,7 @@ fn rates(entries: &[Entry]) -> Vec<gyroscope::Observation> {
         .into_values()
         .map(|means| {
             let (mean, noise) = pooled(&means);
-            gyroscope::Observation { mean, noise }
+            Reading { mean, noise, truth: Truth::default(), truth_noise: Matrix3::zeros() }
         })
         .collect()
 }

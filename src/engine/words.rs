@@ -3,8 +3,8 @@
 use super::Config;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
-use crate::fit::Shape;
 use crate::fit::accelerometer::Gravity;
+use crate::fit::{Estimate, Term};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
@@ -110,13 +110,20 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
 }
 
 /// Parameters that the configuration's bounds hold back.
-pub(super) fn active_bounds(active: &[usize], shape: Shape) -> Vec<String> {
-    const AXES: [&str; 3] = ["x", "y", "z"];
-    let name = |i: usize| match shape.free().get(i.wrapping_sub(3)) {
-        None => format!("bias {}", AXES[i.min(2)]),
-        Some((row, column)) => format!("sensitivity {}{}", AXES[*row], AXES[*column]),
-    };
-    active.iter().map(|&i| format!("{} is held back by its bound: check fit.bounds", name(i))).collect()
+pub(super) fn active_bounds(fit: &Estimate) -> Vec<String> {
+    let terms = fit.active.iter().filter_map(|&i| fit.shape.terms().get(i));
+    terms.map(|term| format!("{} is held back by its bound: check fit.bounds", parameter(*term))).collect()
+}
+
+/// What a parameter is called.
+fn parameter(term: Term) -> String {
+    let axis = |i: usize| ["x", "y", "z"].get(i).copied().unwrap_or("?");
+    match term {
+        Term::Bias(i) => format!("bias {}", axis(i)),
+        Term::Own(row, column) => format!("sensitivity {}{}", axis(row), axis(column)),
+        Term::Other(row, column) => format!("sensitivity of {} to the other sensor's {}", axis(row), axis(column)),
+        Term::Square(i) => format!("g²-sensitivity {}", axis(i)),
+    }
 }
 
 /// Noise does not average the rounding out.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::shape::Term;
+
 /// How a calibration is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -74,6 +76,36 @@ pub struct Bounds {
     /// Scale of a secondary accelerometer, dimensionless.
     pub secondary_scale: [f64; 2],
 }
+
+impl Bounds {
+    /// Of a parameter of the primary accelerometer.
+    pub fn accelerometer(&self, term: Term) -> [f64; 2] {
+        match term {
+            Term::Bias(_) => self.accel_bias,
+            Term::Own(row, column) if row == column => self.accel_scale,
+            _ => UNBOUNDED,
+        }
+    }
+
+    /// Of a parameter of the gyroscope.
+    pub fn gyroscope(&self, term: Term) -> [f64; 2] {
+        match term {
+            Term::Bias(_) => self.gyro_bias,
+            _ => UNBOUNDED,
+        }
+    }
+
+    /// Of a parameter of a secondary accelerometer.
+    pub fn secondary(&self, term: Term) -> [f64; 2] {
+        match term {
+            Term::Bias(_) => self.secondary_bias,
+            Term::Own(row, column) if row == column => self.secondary_scale,
+            _ => UNBOUNDED,
+        }
+    }
+}
+
+const UNBOUNDED: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Default for Bounds {
     fn default() -> Self {

@@ -1,90 +1,81 @@
-//! The gyroscope's bias: the mean of what it reads at rest. It needs no faces, only rests that are no turns.
+//! The gyroscope from what it reads at rest: its bias, and, where specific force is known, what it makes of that. It needs
+//! no faces, only rests that are no turns.
 
-use nalgebra::{Matrix3, Vector3};
-
-use super::scatter::variance_between;
-
-/// What the gyroscope read during one placement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
-    /// Mean of the raw readings, rad/s.
-    pub mean: Vector3<f64>,
-    /// Variance of that mean by noise alone, per axis.
-    pub noise: Vector3<f64>,
-}
-
-/// A bias and how well it is known.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
-    /// Bias, rad/s.
-    pub bias: Vector3<f64>,
-    /// Its covariance, all causes included.
-    pub covariance: Matrix3<f64>,
-    /// Root mean square of the placements about it, rad/s.
-    pub residual_rms: f64,
-    /// Weighted sum of squares over its degrees of freedom, at the assumed scatter; `None` for one placement.
-    pub chi2_per_dof: Option<f64>,
-}
+use super::config::Bounds;
+use super::estimate::Estimate;
+use super::lsqlin;
+use super::regression::{Reading, regress};
+use super::shape::{Shape, Term};
+use super::system::limits;
 
 /// Angular rate of the Earth, rad/s (IERS Conventions 2010, nominal mean).
 pub const EARTH_RATE: f64 = 7.292_115e-5;
 
-/// The mean over placements that scatter by `assumed_std` (rad/s) until they show otherwise; `None` without any.
-pub fn fit(observations: &[Observation], assumed_std: f64) -> Option<Fit> {
-    if observations.is_empty() {
-        return None;
+/// Regresses placements that scatter by `assumed_std` (rad/s) until they show otherwise on the specific forces (m/s²) that
+/// their truths hold as the other quantity.
+///
+/// # Errors
+/// If the placements do not determine the parameters, or the solver fails.
+pub fn fit(shape: Shape, readings: &[Reading], assumed_std: f64, bounds: &Bounds) -> Result<Estimate, lsqlin::Error> {
+    let regression = regress(shape, readings, assumed_std, &limits(shape, |term| bounds.gyroscope(term)))?;
+    let mut covariance = regression.solved.covariance();
+    let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max);
+    for (i, term) in shape.terms().iter().enumerate() {
+        // Which way the Earth turns the sensor is unknown: one component of its rate, in the mean of squares. That about
+        // the vertical looks like sensitivity to gravity.
+        covariance[(i, i)] += match *term {
+            Term::Bias(_) => EARTH_RATE * EARTH_RATE / 3.0,
+            Term::Other(row, column) if row == column => (EARTH_RATE / up.max(1.0)).powi(2) / 3.0,
+            _ => 0.0,
+        };
     }
-    let assumed = assumed_std * assumed_std;
-    let freedom = (observations.len() - 1) as f64;
-    let mut bias = Vector3::zeros();
-    let mut covariance = Matrix3::zeros();
-    let (mut squares, mut chi2) = (0.0, 0.0);
-    for axis in 0..3 {
-        let (first, _) = weighted_mean(observations, axis, assumed);
-        let residuals = observations.iter().map(|seen| (seen.mean[axis] - first, seen.noise[axis]));
-        let between = variance_between(residuals, freedom, assumed_std);
-        let (mean, variance) = weighted_mean(observations, axis, between);
-        bias[axis] = mean;
-        // Which way the Earth turns the sensor is unknown: one component of its rate, in the mean of squares.
-        covariance[(axis, axis)] = variance + EARTH_RATE * EARTH_RATE / 3.0;
-        let square = |seen: &Observation| (seen.mean[axis] - mean).powi(2);
-        squares += observations.iter().map(square).sum::<f64>();
-        chi2 += observations.iter().map(|seen| square(seen) / (assumed + seen.noise[axis])).sum::<f64>();
-    }
-    Some(Fit {
-        bias,
-        covariance,
-        residual_rms: (squares / (3 * observations.len()) as f64).sqrt(),
-        chi2_per_dof: (freedom > 0.0).then(|| chi2 / (3.0 * freedom)),
-    })
-}
-
-/// Mean of one axis weighted by inverse variance, and its variance.
-fn weighted_mean(observations: &[Observation], axis: usize, between: f64) -> (f64, f64) {
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for seen in observations {
-        let weight = 1.0 / (between + seen.noise[axis]);
-        sum += weight * seen.mean[axis];
-        weights += weight;
-    }
-    (sum / weights, 1.0 / weights)
+    Ok(regression.estimate(covariance, f64::INFINITY))
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Matrix3, Vector3};
+
     use super::*;
+    use crate::fit::shape::Truth;
+
+    fn seen(mean: Vector3<f64>, force: Vector3<f64>, noise: f64) -> Reading {
+        let truth = Truth { own: Vector3::zeros(), other: force };
+        Reading { mean, noise: Vector3::repeat(noise), truth, truth_noise: Matrix3::zeros() }
+    }
 
     #[test]
     fn the_bias_is_the_mean_over_placements_not_over_samples() {
-        let seen = |x: f64, noise: f64| Observation { mean: Vector3::repeat(x), noise: Vector3::repeat(noise) };
+        let seen = |x: f64, noise: f64| seen(Vector3::repeat(x), Vector3::zeros(), noise);
         // A long rest has less noise, but its placement scatters like that of any other.
-        let fit = fit(&[seen(0.010, 1e-12), seen(0.012, 1e-8)], 1e-3).unwrap();
-        assert!((fit.bias.x - 0.011).abs() < 5e-5, "{}", fit.bias.x);
-        assert!(fit.covariance[(0, 0)].sqrt() > 5e-4);
+        let fit = fit(Shape::BIAS, &[seen(0.010, 1e-12), seen(0.012, 1e-8)], 1e-3, &Bounds::default()).unwrap();
+        assert!((fit.parameters[0] - 0.011).abs() < 5e-5, "{}", fit.parameters[0]);
+        assert!(fit.std(0) > 5e-4);
     }
 
     #[test]
     fn nothing_comes_of_nothing() {
-        assert_eq!(fit(&[], 1e-3), None);
+        assert!(fit(Shape::BIAS, &[], 1e-3, &Bounds::default()).is_err());
+    }
+
+    #[test]
+    fn six_exact_faces_determine_what_it_makes_of_gravity() {
+        let bias = Vector3::new(0.01, -0.02, 0.005);
+        let cross = Matrix3::new(1e-4, 2e-4, -1e-4, 3e-4, -2e-4, 1e-4, 0.0, 1e-4, 2e-4);
+        let squares = Vector3::new(1e-5, -2e-5, 3e-5);
+        let readings: Vec<_> = crate::fit::Fixture::cube()
+            .faces()
+            .iter()
+            .map(|face| {
+                let force = face.normal * 9.8;
+                seen(bias + cross * force + squares.component_mul(&force.component_mul(&force)), force, 1e-10)
+            })
+            .collect();
+        let shape = Shape::GYROSCOPE_AT_REST;
+        let fit = fit(shape, &readings, 1e-4, &Bounds::default()).unwrap();
+        assert!(fit.condition < 2.5, "{}", fit.condition);
+        assert!((fit.calibration().bias - bias).amax() < 1e-12);
+        assert!((shape.cross(&fit.parameters).unwrap() - cross).amax() < 1e-12);
+        assert!((shape.squares(&fit.parameters).unwrap() - squares).amax() < 1e-12);
     }
 }

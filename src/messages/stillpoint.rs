@@ -324,7 +324,8 @@ pub struct Triad {
     pub worst_case_error: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "17")]
     pub condition: ::core::option::Option<f64>,
-    /// of the parameters, order: bias, then the free entries of S row by row
+    /// Of the parameters. Order: bias, then the free entries of S row by row, then g_sensitivity or rate_sensitivity row by
+    /// row, then g2_sensitivity.
     #[prost(double, repeated, tag = "18")]
     pub covariance: ::prost::alloc::vec::Vec<f64>,
     /// active bounds, warnings

@@ -1,0 +1,225 @@
+//! What a measurement model leaves unknown: the one description that every design matrix, bound and name follows from.
+//! Solving for the unknowns is left to [`System`](super::System).
+//!
+//! A triad reads `measured = bias + S · own + C · other + q ∘ other²`: `own` is the quantity that it is made for,
+//! `other` that of the sensor beside it (the rate for an accelerometer, specific force for a gyroscope), with q for a
+//! gyroscope alone. Every model is linear in what it leaves unknown.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::calibration::Calibration;
+
+/// What there was to read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// In the unit of the triad.
+    pub own: Vector3<f64>,
+    /// In the unit of the other sensor.
+    pub other: Vector3<f64>,
+}
+
+impl Truth {
+    /// At rest there is nothing for the other sensor of an accelerometer.
+    pub fn of(own: Vector3<f64>) -> Self {
+        Self { own, ..Self::default() }
+    }
+}
+
+/// One parameter of a triad: what an axis makes of the truth is the sum over its terms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// Bias of an axis, in the unit of the triad.
+    Bias(usize),
+    /// Entry of S, by row and column, dimensionless.
+    Own(usize, usize),
+    /// Entry of C, by row and column: sensitivity to the other sensor's quantity.
+    Other(usize, usize),
+    /// Sensitivity of an axis to the square of the other quantity along it.
+    Square(usize),
+}
+
+impl Term {
+    /// The axis whose reading it is part of.
+    pub fn axis(self) -> usize {
+        match self {
+            Self::Bias(axis) | Self::Own(axis, _) | Self::Other(axis, _) | Self::Square(axis) => axis,
+        }
+    }
+
+    /// What the parameter is multiplied with.
+    pub fn regressor(self, truth: &Truth) -> f64 {
+        match self {
+            Self::Bias(_) => 1.0,
+            Self::Own(_, column) => truth.own[column],
+            Self::Other(_, column) => truth.other[column],
+            Self::Square(axis) => truth.other[axis] * truth.other[axis],
+        }
+    }
+}
+
+/// The parameters that a measurement model leaves free, in the order of the parameter vector: the biases, the entries of
+/// S row by row, those of C row by row, the squares. What is not free is that of a perfect sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape(&'static [Term]);
+
+use Term::{Bias, Other, Own, Square};
+
+impl Shape {
+    /// Bias alone: three unknowns.
+    pub const BIAS: Self = Self(&[Bias(0), Bias(1), Bias(2)]);
+    /// Bias and diagonal S: six unknowns (the thesis' simplified model 2).
+    pub const DIAGONAL: Self = Self(&[Bias(0), Bias(1), Bias(2), Own(0, 0), Own(1, 1), Own(2, 2)]);
+    /// Bias and lower-triangular S, which fixes the frame to the sensor's own axes: nine unknowns.
+    #[rustfmt::skip]
+    pub const TRIANGULAR: Self = Self(&[
+        Bias(0), Bias(1), Bias(2),
+        Own(0, 0), Own(1, 0), Own(1, 1), Own(2, 0), Own(2, 1), Own(2, 2),
+    ]);
+    /// Bias and all of S: twelve unknowns (an accelerometer in the thesis' simplified model 1).
+    #[rustfmt::skip]
+    pub const MATRIX: Self = Self(&[
+        Bias(0), Bias(1), Bias(2),
+        Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
+    ]);
+    /// What a gyroscope shows at rest: bias, g-sensitivity and the square on its own axis, fifteen unknowns (a gyroscope in
+    /// the thesis' simplified model 1).
+    #[rustfmt::skip]
+    pub const GYROSCOPE_AT_REST: Self = Self(&[
+        Bias(0), Bias(1), Bias(2),
+        Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
+        Square(0), Square(1), Square(2),
+    ]);
+    /// An accelerometer in the thesis' full model: 21 unknowns.
+    #[rustfmt::skip]
+    pub const FULL_ACCELEROMETER: Self = Self(&[
+        Bias(0), Bias(1), Bias(2),
+        Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
+        Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
+    ]);
+    /// A gyroscope in the thesis' full model: 24 unknowns.
+    #[rustfmt::skip]
+    pub const FULL_GYROSCOPE: Self = Self(&[
+        Bias(0), Bias(1), Bias(2),
+        Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
+        Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
+        Square(0), Square(1), Square(2),
+    ]);
+
+    /// The free parameters.
+    pub fn terms(self) -> &'static [Term] {
+        self.0
+    }
+
+    /// Number of unknowns.
+    pub fn unknowns(self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether a parameter is free.
+    pub fn has(self, term: Term) -> bool {
+        self.0.contains(&term)
+    }
+
+    /// The entries of S that are not free.
+    pub fn unmodelled(self) -> impl Iterator<Item = Term> + Clone {
+        (0..9).map(|k| Own(k / 3, k % 3)).filter(move |&term| !self.has(term))
+    }
+
+    /// The parameter vector of a calibration.
+    pub fn vector(self, calibration: &Calibration) -> DVector<f64> {
+        let value = |term: &Term| match *term {
+            Bias(axis) => calibration.bias[axis],
+            Own(row, column) => calibration.sensitivity[(row, column)],
+            Other(..) | Square(_) => 0.0,
+        };
+        DVector::from_iterator(self.unknowns(), self.0.iter().map(value))
+    }
+
+    /// Bias and S of a parameter vector.
+    pub fn calibration(self, parameters: &DVector<f64>) -> Calibration {
+        let mut calibration = Calibration::default();
+        for (&term, &value) in self.0.iter().zip(parameters) {
+            match term {
+                Bias(axis) => calibration.bias[axis] = value,
+                Own(row, column) => calibration.sensitivity[(row, column)] = value,
+                Other(..) | Square(_) => {}
+            }
+        }
+        calibration
+    }
+
+    /// Sensitivity to the other sensor, C; `None` where the model has none.
+    pub fn cross(self, parameters: &DVector<f64>) -> Option<Matrix3<f64>> {
+        let mut cross = None;
+        for (&term, &value) in self.0.iter().zip(parameters) {
+            if let Other(row, column) = term {
+                cross.get_or_insert_with(Matrix3::zeros)[(row, column)] = value;
+            }
+        }
+        cross
+    }
+
+    /// Sensitivity of each axis to the square of the other quantity along it; `None` where the model has none.
+    pub fn squares(self, parameters: &DVector<f64>) -> Option<Vector3<f64>> {
+        let mut squares = None;
+        for (&term, &value) in self.0.iter().zip(parameters) {
+            if let Square(axis) = term {
+                squares.get_or_insert_with(Vector3::zeros)[axis] = value;
+            }
+        }
+        squares
+    }
+
+    /// ∂measured/∂parameters at a truth: 3 × unknowns.
+    pub fn jacobian(self, truth: &Truth) -> DMatrix<f64> {
+        let mut jacobian = DMatrix::zeros(3, self.unknowns());
+        for (k, term) in self.0.iter().enumerate() {
+            jacobian[(term.axis(), k)] = term.regressor(truth);
+        }
+        jacobian
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Shape; 7] = [
+        Shape::BIAS,
+        Shape::DIAGONAL,
+        Shape::TRIANGULAR,
+        Shape::MATRIX,
+        Shape::GYROSCOPE_AT_REST,
+        Shape::FULL_ACCELEROMETER,
+        Shape::FULL_GYROSCOPE,
+    ];
+
+    #[test]
+    fn the_models_have_the_unknowns_that_the_thesis_counts() {
+        assert_eq!(ALL.map(Shape::unknowns), [3, 6, 9, 12, 15, 21, 24]);
+    }
+
+    #[test]
+    fn parameters_stand_in_the_documented_order() {
+        let rank = |term: &Term| match *term {
+            Bias(axis) => axis,
+            Own(row, column) => 3 + 3 * row + column,
+            Other(row, column) => 12 + 3 * row + column,
+            Square(axis) => 21 + axis,
+        };
+        for shape in ALL {
+            assert!(shape.terms().windows(2).all(|pair| rank(&pair[0]) < rank(&pair[1])), "{shape:?}");
+        }
+    }
+
+    #[test]
+    fn a_calibration_comes_back_from_its_vector() {
+        let mut calibration = Calibration { bias: Vector3::new(1.0, 2.0, 3.0), ..Calibration::default() };
+        calibration.sensitivity[(1, 0)] = 0.1;
+        let shape = Shape::TRIANGULAR;
+        assert_eq!(shape.calibration(&shape.vector(&calibration)), calibration);
+        let truth = Truth::of(Vector3::new(4.0, 5.0, 6.0));
+        let linear = shape.jacobian(&truth) * shape.vector(&calibration);
+        assert!((linear - calibration.measure(&truth.own)).amax() < 1e-12);
+    }
+}
