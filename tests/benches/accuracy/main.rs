@@ -1,0 +1,121 @@
+//! How good the calibrations are, in numbers: `cargo bench --bench accuracy`. A minute or two on two cores; without
+//! `--bench`, as `cargo test --benches` runs it, a few seeds only show that it still runs.
+//!
+//! 1. Root-mean-square error over the Cramér–Rao bound (see `bound`), both sensors of the thesis' sequence 1, faces put
+//!    down with tilts of 0°, 1° and 3° (one standard deviation about each of two axes). A session without a calibration
+//!    counts as a failure. Target: none, and a ratio of at most 1.10.
+//! 2. How many of the published 95 % intervals, `estimate ± 1.96 std`, hold the truth, over a population of sensors (see
+//!    `population`). Target: 93 % to 97 %.
+#![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
+
+mod bound;
+mod population;
+mod trial;
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use stillpoint::simulate::Scenario;
+
+use population::Population;
+use trial::{Quantity, Trial};
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let mut full = false;
+    let mut seeds = None;
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--bench" => full = true,
+            "--seeds" => seeds = arguments.next().and_then(|number| number.parse().ok()),
+            _ => {}
+        }
+    }
+    let seeds = seeds.unwrap_or(if full { 300 } else { 4 });
+    let met = [accuracy(seeds), coverage(4 * seeds)];
+    // Of a few seeds nothing is expected but that they run.
+    if full && met.contains(&false) { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+/// Errors against the bound.
+fn accuracy(seeds: u64) -> bool {
+    println!("Thesis sequence 1, {seeds} seeds: root-mean-square error over its Cramér–Rao bound, target ≤ 1.10\n");
+    println!("{:>5} {:>8} | {:^33} | {:^33}", "", "", "MPU-9250", "ADXL375");
+    println!("{:>5} {:>8} | {:>16} {:>16} | {:>16} {:>16}", "tilt", "refused", "bias", "scale", "bias", "scale");
+    let mut met = true;
+    for tilt in [0.0, 1.0, 3.0] {
+        let outcomes = each(seeds, |seed| {
+            let mut scenario = Scenario::builtin("thesis-sequence-1").unwrap();
+            scenario.recording.seed = seed;
+            scenario.tilt_scatter_deg = tilt;
+            (Trial::run(&scenario), bound::cramer_rao(&scenario))
+        });
+        let refused = outcomes.iter().filter(|(trial, _)| !trial.is_calibrated()).count();
+        met &= refused == 0;
+        let cells = [Quantity::AccelBias, Quantity::AccelScale, Quantity::SecondaryBias, Quantity::SecondaryScale];
+        let cells = cells.map(|quantity| {
+            let errors = outcomes.iter().flat_map(|(trial, _)| trial.errors(quantity));
+            let rms = root_mean(errors.map(|seen| seen.error * seen.error));
+            let bound = root_mean(outcomes.iter().flat_map(|(_, bound)| bound.of(quantity)));
+            met &= rms <= 1.10 * bound;
+            format!("{rms:.6} = {:5.3}", rms / bound)
+        });
+        let [a, b, c, d] = cells;
+        println!("{tilt:>4}° {refused:>8} | {a:>16} {b:>16} | {c:>16} {d:>16}");
+    }
+    println!();
+    met
+}
+
+/// Intervals against the truth.
+fn coverage(seeds: u64) -> bool {
+    println!("Coverage of 95 % intervals, {seeds} sessions a line, target 93 to 97 %\n");
+    print!("{:34} {:>8} {:>9}", "", "refused", "confirmed");
+    Quantity::ALL.iter().for_each(|quantity| print!(" {:>12}", quantity.name()));
+    println!(" {:>12}", "worst case");
+    let mut met = true;
+    for population in Population::ALL {
+        let trials = each(seeds, |seed| Trial::run(&population.scenario(seed)));
+        let refused = trials.iter().filter(|trial| !trial.is_calibrated()).count();
+        let confirmed = trials.iter().filter(|trial| trial.is_confirmed()).count();
+        print!("{:34} {refused:>8} {confirmed:>9}", population.to_string());
+        for quantity in Quantity::ALL {
+            let inside: Vec<_> =
+                trials.iter().flat_map(|trial| trial.errors(quantity)).map(|seen| seen.is_inside()).collect();
+            let share = 100.0 * inside.iter().filter(|inside| **inside).count() as f64 / inside.len() as f64;
+            met &= (93.0..=97.0).contains(&share);
+            print!(" {share:>10.1} %");
+        }
+        let bounded: Vec<_> = trials.iter().filter_map(Trial::is_bounded).collect();
+        let share = 100.0 * bounded.iter().filter(|holds| **holds).count() as f64 / bounded.len() as f64;
+        println!(" {share:>10.1} %");
+    }
+    met
+}
+
+/// What a function says of the seeds from 1 on, in their order; it runs on every core.
+fn each<T: Send>(seeds: u64, run: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    let next = AtomicU64::new(1);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed > seeds {
+                return done;
+            }
+            done.push((seed, run(seed)));
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut all: Vec<_> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    all.sort_by_key(|(seed, _)| *seed);
+    all.into_iter().map(|(_, result)| result).collect()
+}
+
+fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = squares.fold((0.0, 0), |(sum, count), square| (sum + square, count + 1));
+    (sum / f64::from(count)).sqrt()
+}

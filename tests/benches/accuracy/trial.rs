@@ -1,0 +1,158 @@
+//! One simulated session through an engine, and what came of it beside the truth.
+
+use nalgebra::{Matrix3, Vector3};
+use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
+use stillpoint::fit;
+use stillpoint::imu::Sample;
+use stillpoint::messages::triad::Status;
+use stillpoint::messages::{Calibration, Triad, Vector3 as Numbers};
+use stillpoint::simulate::{Scenario, TriadTruth, Truth, samples};
+
+/// Three numbers that are estimated together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    AccelBias,
+    AccelScale,
+    SecondaryBias,
+    SecondaryScale,
+    GyroBias,
+}
+
+impl Quantity {
+    pub const ALL: [Self; 5] =
+        [Self::AccelBias, Self::AccelScale, Self::SecondaryBias, Self::SecondaryScale, Self::GyroBias];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AccelBias => "accel bias",
+            Self::AccelScale => "accel scale",
+            Self::SecondaryBias => "high-g bias",
+            Self::SecondaryScale => "high-g scale",
+            Self::GyroBias => "gyro bias",
+        }
+    }
+}
+
+/// One number beside its truth.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    pub error: f64,
+    pub std: f64,
+}
+
+impl Seen {
+    /// Whether the 95 % interval holds the truth.
+    pub fn is_inside(self) -> bool {
+        self.error.abs() <= 1.96 * self.std
+    }
+}
+
+/// A session with its last calibration.
+pub struct Trial {
+    truth: Truth,
+    calibration: Option<Calibration>,
+}
+
+impl Trial {
+    /// Gravity is known to the engine, its other settings are the defaults.
+    pub fn run(scenario: &Scenario) -> Self {
+        let truth = Truth::of(scenario).unwrap();
+        let secondary = truth.secondary.iter().map(|triad| Secondary {
+            name: triad.sensor.clone(),
+            topic: triad.topic.clone(),
+            ..Secondary::default()
+        });
+        let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
+        let mut engine = Engine::new(Config { secondary: secondary.collect(), fit, ..Config::default() });
+        let mut events: Vec<Event> = Vec::new();
+        let mut calibration = None;
+        let mut note = |events: &mut Vec<Event>| {
+            for event in events.drain(..) {
+                if let Message::Calibration(news) = event.message {
+                    calibration = Some(*news);
+                }
+            }
+        };
+        for reading in samples(scenario).unwrap() {
+            let log_time = reading.stamp.nanos() as u64;
+            let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured };
+            engine.push(reading.sensor, &sample, &mut events);
+            note(&mut events);
+        }
+        engine.finish(&mut events);
+        note(&mut events);
+        Self { truth, calibration }
+    }
+
+    /// Whether both accelerometers have a calibration.
+    pub fn is_calibrated(&self) -> bool {
+        let triads = [self.triad(Quantity::AccelBias), self.triad(Quantity::SecondaryBias)];
+        triads.into_iter().flatten().all(|(triad, _)| triad.status() != Status::Undetermined)
+            && self.calibration.is_some()
+    }
+
+    pub fn is_confirmed(&self) -> bool {
+        self.triad(Quantity::AccelBias).is_some_and(|(triad, _)| triad.status() == Status::Confirmed)
+    }
+
+    /// Of the three axes; none if they were not determined.
+    pub fn errors(&self, quantity: Quantity) -> impl Iterator<Item = Seen> {
+        self.triad(quantity).into_iter().flat_map(move |(triad, truth)| {
+            let (value, std, truth) = match quantity {
+                Quantity::AccelScale | Quantity::SecondaryScale => {
+                    (&triad.scale, &triad.scale_std, matrix(truth).diagonal())
+                }
+                _ => (&triad.bias, &triad.bias_std, Vector3::from(truth.bias)),
+            };
+            let seen = |value: &Numbers, std: &Numbers| {
+                let error = vector(value) - truth;
+                (0..3).map(|i| Seen { error: error[i], std: vector(std)[i] }).collect::<Vec<_>>()
+            };
+            value.as_ref().zip(std.as_ref()).map(|(value, std)| seen(value, std)).unwrap_or_default()
+        })
+    }
+
+    /// Whether the error of a corrected reading keeps to the published bound whatever the direction of gravity.
+    pub fn is_bounded(&self) -> Option<bool> {
+        let (triad, truth) = self.triad(Quantity::AccelBias)?;
+        let bound = triad.worst_case_error?;
+        let found = Matrix3::from_row_slice(&triad.sensitivity);
+        let inverse = found.try_inverse()?;
+        let truth_matrix = matrix(truth);
+        let error = |up: Vector3<f64>| {
+            let force = up * self.truth.gravity;
+            let measured = Vector3::from(truth.bias) + truth_matrix * force;
+            (inverse * (measured - triad.bias.as_ref().map(vector).unwrap_or_default()) - force).norm()
+        };
+        // A spiral of directions.
+        const DIRECTIONS: u32 = 500;
+        let directions = (0..DIRECTIONS).map(|i| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(DIRECTIONS);
+            let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            Vector3::new(r * cos, r * sin, z)
+        });
+        Some(directions.map(error).fold(0.0, f64::max) <= bound)
+    }
+
+    fn triad(&self, quantity: Quantity) -> Option<(&Triad, &TriadTruth)> {
+        let calibration = self.calibration.as_ref()?;
+        match quantity {
+            Quantity::AccelBias | Quantity::AccelScale => {
+                Some((calibration.accelerometer.as_ref()?, &self.truth.accelerometer))
+            }
+            Quantity::SecondaryBias | Quantity::SecondaryScale => {
+                Some((calibration.secondary.first()?, self.truth.secondary.first()?))
+            }
+            Quantity::GyroBias => Some((calibration.gyroscope.as_ref()?, self.truth.gyroscope.as_ref()?)),
+        }
+    }
+}
+
+fn matrix(truth: &TriadTruth) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, column| truth.sensitivity[row][column])
+}
+
+fn vector(numbers: &Numbers) -> Vector3<f64> {
+    Vector3::new(numbers.x, numbers.y, numbers.z)
+}
