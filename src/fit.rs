@@ -26,6 +26,6 @@ pub use fixture::{Face, Fixture};
 pub use lsqlin::{Error, Solution, lsqlin};
 pub use orientation::guess;
 pub use regression::Reading;
-pub use scatter::variance_between;
+pub use scatter::{Assumed, Block, Scatter};
 pub use shape::{Shape, Term, Truth};
 pub use system::{Limits, Solved, System, limits};
