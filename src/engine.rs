@@ -39,7 +39,7 @@ use self::judge::Judge;
 use self::publish::Publisher;
 use self::solve::Solution;
 use crate::Stamp;
-use crate::fit::{self, Fixture, guess};
+use crate::fit::{self, Fixture, Place, guess};
 use crate::imu::{Preset, Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
@@ -109,6 +109,8 @@ pub struct Engine {
     publisher: Publisher,
     last_stillness: Option<Stamp>,
     last: Option<(Stamp, u64)>,
+    /// Where the recording says that it is made.
+    fix: Option<Place>,
 }
 
 /// Nanoseconds between two stillness messages while nothing changes.
@@ -124,6 +126,7 @@ impl Engine {
             publisher: Publisher::default(),
             last_stillness: None,
             last: None,
+            fix: None,
             config,
         }
     }
@@ -163,6 +166,12 @@ impl Engine {
         self.publish(&solution, stamp, log_time, false, events);
     }
 
+    /// Learns where the recording is made: what is fitted from now on uses the gravity and the Earth's rotation there,
+    /// unless the configuration knows better.
+    pub fn locate(&mut self, place: Place) {
+        self.fix = Some(place);
+    }
+
     /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };
@@ -192,15 +201,15 @@ impl Engine {
     /// the calibration on the faces, so this goes round until neither changes; a few rounds suffice.
     fn solve(&mut self) -> Solution {
         const ROUNDS: usize = 4;
-        let Self { config, fixture, segmenter, book, .. } = self;
-        let gravity = solve::gravity(&config.fit).value;
+        let Self { config, fixture, segmenter, book, fix, .. } = self;
+        let gravity = solve::gravity(&config.fit, *fix);
         let step = segmenter.accel_step();
-        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity };
+        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
         let entries = book.entries_mut();
         judge.sort_out(entries);
         let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
         let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
-        let mut calibration = guess(means.iter(), gravity);
+        let mut calibration = guess(means.iter(), gravity.value);
         let mut before = Vec::new();
         let mut accelerometer = Err(String::new());
         for _ in 0..ROUNDS {
@@ -210,11 +219,11 @@ impl Engine {
                 break;
             }
             before = verdicts;
-            accelerometer = solve::accelerometer(entries, &config.fit, fixture, step);
+            accelerometer = solve::accelerometer(entries, &config.fit, fixture, gravity, step);
             let Ok(fit) = &accelerometer else { break };
             calibration = fit.calibration();
         }
-        solve::others(entries, config, fixture, step, accelerometer)
+        solve::others(entries, config, fixture, gravity, step, accelerometer)
     }
 
     /// Says what has changed: segments, then coverage, then calibration.

@@ -5,6 +5,7 @@
 
 mod config;
 mod decoder;
+mod fix;
 mod intake;
 mod known;
 mod layout;
@@ -20,6 +21,7 @@ mod walk;
 
 pub use config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
 pub use decoder::Decoder;
+pub use fix::Fix;
 pub use intake::{Imu, Intake, MissingTopic, Triad};
 pub use layout::{Layout, Place, SchemaError};
 pub use lookup::PathError;

@@ -33,7 +33,7 @@ fn machine(channels: &Channels) -> Value {
             "encoding": used.channel.message_encoding,
             "messages": used.messages,
             "hz": channels.rate(used),
-            "used": matches!(used.verdict, Verdict::Used(_)),
+            "used": matches!(used.verdict, Verdict::Used(_) | Verdict::Position),
             "verdict": used.verdict.to_string(),
             "configuration": mapping(used, channels),
         })
@@ -46,7 +46,7 @@ fn people(channels: &Channels) -> String {
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
     for used in &channels.channels {
         let verdict = match used.verdict {
-            Verdict::Used(_) => style(used.verdict.to_string()).green(),
+            Verdict::Used(_) | Verdict::Position => style(used.verdict.to_string()).green(),
             Verdict::Skipped(_) => style(used.verdict.to_string()).yellow(),
             _ => style(used.verdict.to_string()).dim(),
         };

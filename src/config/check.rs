@@ -97,6 +97,7 @@ fn rests(still: &still::Config) -> Result<(), Fault> {
 
 fn fit(fit: &fit::Config) -> Result<(), Fault> {
     positive("fit.gravity", fit.gravity.unwrap_or(1.0))?;
+    place(fit)?;
     positive("fit.placement_std", fit.placement_std)?;
     positive("fit.rate_std", fit.rate_std)?;
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
@@ -107,6 +108,25 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     bounds("fit.bounds.gyro_bias", gyro_bias)?;
     bounds("fit.bounds.secondary_bias", secondary_bias)?;
     bounds("fit.bounds.secondary_scale", secondary_scale)
+}
+
+fn place(fit: &fit::Config) -> Result<(), Fault> {
+    if let Some(name) = &fit.fix_topic {
+        topic("fit.fix_topic", name)?;
+    }
+    let latitude_deg = fit.latitude_deg.unwrap_or(0.0);
+    let at = |height_m| fit::Place { latitude_deg, height_m };
+    if !at(None).is_valid() {
+        return fault("fit.latitude_deg", format!("must lie between -90 and 90, is {latitude_deg}"));
+    }
+    let Some(height) = fit.height_m else { return Ok(()) };
+    if fit.latitude_deg.is_none() {
+        return fault("fit.height_m", "says nothing without fit.latitude_deg");
+    }
+    if !at(fit.height_m).is_valid() {
+        return fault("fit.height_m", format!("must lie between -12000 and 100000, is {height}"));
+    }
+    Ok(())
 }
 
 fn positive(key: &str, value: f64) -> Result<(), Fault> {

@@ -138,7 +138,7 @@ pub(super) fn calibration(
         gyroscope: Some(gyroscope(config, solution)),
         secondary: (0..config.secondary.len()).map(|i| secondary(i, config, solution)).collect(),
         gravity: solution.gravity.value,
-        gravity_source: if config.fit.gravity.is_some() { "configured" } else { "standard" }.to_owned(),
+        gravity_source: solution.gravity.source.name().to_owned(),
         segments: book.accepted() as u32,
         placements: solution.placements as u32,
         from: used().map(|entry| entry.rest.start).min().map(Into::into),
@@ -175,9 +175,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     };
     let mut notes = words::active_bounds(fit);
     notes.extend(solution.coarse_step.map(words::coarse));
-    if config.fit.gravity.is_none() {
-        notes.push(words::assumed_gravity(solution.gravity));
-    }
+    notes.extend(words::assumed_gravity(solution.gravity));
     Triad {
         status: accelerometer_status(solution).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),

@@ -7,14 +7,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::Config;
 use super::book::Entry;
 use super::words;
-use crate::fit::accelerometer::{Assumptions, Gravity};
-use crate::fit::{self, Bounds, Estimate, Fixture, Reading, Shape, Truth, accelerometer, gyroscope, secondary};
+use crate::fit::accelerometer::Assumptions;
+use crate::fit::{
+    self, Bounds, Estimate, Fixture, Gravity, Place, Reading, Shape, Source, Truth, accelerometer, gyroscope, secondary,
+};
 use crate::still::TriadMean;
-
-/// Standard gravity, m/s² (CGPM 1901).
-pub(super) const STANDARD_GRAVITY: f64 = 9.80665;
-/// Gravity varies by so much over the Earth's surface: one standard deviation, relative.
-const GRAVITY_SPREAD: f64 = 0.0015;
 
 /// What the rests determine.
 #[derive(Clone, Debug)]
@@ -36,10 +33,12 @@ pub(super) struct Solution {
 }
 
 /// The gravity to fit with.
-pub(super) fn gravity(config: &fit::Config) -> Gravity {
-    match config.gravity {
-        Some(value) => Gravity { value, std: 0.0 },
-        None => Gravity { value: STANDARD_GRAVITY, std: STANDARD_GRAVITY * GRAVITY_SPREAD },
+pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
+    match (config.gravity, config.place(), fix) {
+        (Some(value), _, _) => Gravity::configured(value),
+        (None, Some(place), _) => Gravity::at(&place, Source::Latitude),
+        (None, None, Some(place)) => Gravity::at(&place, Source::FixTopic),
+        (None, None, None) => Gravity::standard(),
     }
 }
 
@@ -48,9 +47,10 @@ pub(super) fn accelerometer(
     entries: &[Entry],
     config: &fit::Config,
     fixture: &Fixture,
+    gravity: Gravity,
     step: Option<f64>,
 ) -> Result<Estimate, String> {
-    fit_accelerometer(&placements_on_faces(entries, fixture, step), config, fixture, gravity(config))
+    fit_accelerometer(&placements_on_faces(entries, fixture, step), config, fixture, gravity)
 }
 
 /// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
@@ -58,6 +58,7 @@ pub(super) fn others(
     entries: &[Entry],
     Config { fit: config, secondary, .. }: &Config,
     fixture: &Fixture,
+    gravity: Gravity,
     step: Option<f64>,
     accelerometer: Result<Estimate, String>,
 ) -> Solution {
@@ -77,7 +78,7 @@ pub(super) fn others(
     let on_face = |i: usize| seen.iter().filter(|(face, _)| *face == i).count();
     let repeats = (0..fixture.faces().len()).map(|i| on_face(i).saturating_sub(1).min(2)).sum();
     Solution {
-        gravity: gravity(config),
+        gravity,
         placements: seen.len(),
         repeats,
         coarse_step: step.filter(|_| rounded),

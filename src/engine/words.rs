@@ -3,8 +3,7 @@
 use super::Config;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
-use crate::fit::accelerometer::Gravity;
-use crate::fit::{Estimate, Term};
+use crate::fit::{Estimate, Gravity, Source, Term};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
@@ -131,9 +130,15 @@ pub(super) fn coarse(step: f64) -> String {
     format!("the noise is below half a step of {step:.4} m/s²: rounding may bias every mean, which is in the bars")
 }
 
-/// Gravity is not known.
-pub(super) fn assumed_gravity(gravity: Gravity) -> String {
-    format!("gravity assumed {} ± {:.4} m/s²: set fit.gravity to sharpen the scale", gravity.value, gravity.std)
+/// Gravity was not measured; `None` if it was.
+pub(super) fn assumed_gravity(gravity: Gravity) -> Option<String> {
+    let how = match gravity.source {
+        Source::Configured => return None,
+        Source::Latitude => "of the latitude: set fit.gravity",
+        Source::FixTopic => "of the recorded position: set fit.gravity",
+        Source::Standard => "assumed: set fit.gravity or fit.latitude_deg",
+    };
+    Some(format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.std))
 }
 
 fn triad(triad: &Triad) -> String {

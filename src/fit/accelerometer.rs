@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, Vector3};
 use super::calibration::Calibration;
 use super::config::{Bounds, Estimator};
 use super::estimate::Estimate;
+use super::gravity::Gravity;
 use super::lsqlin;
 use super::scatter::variance_between;
 use super::shape::{Shape, Truth};
@@ -25,15 +26,6 @@ pub struct Observation {
     pub noise: Vector3<f64>,
     /// Direction of true specific force meant by the face, unit vector.
     pub normal: Vector3<f64>,
-}
-
-/// The length of gravity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gravity {
-    /// m/s².
-    pub value: f64,
-    /// One standard deviation, m/s².
-    pub std: f64,
 }
 
 /// What is assumed beside the observations.

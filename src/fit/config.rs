@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::gravity::Place;
 use super::shape::Term;
 
 /// How a calibration is fitted.
@@ -12,8 +13,15 @@ pub struct Config {
     pub model: Model,
     /// Where the fit of the accelerometer stops.
     pub estimator: Estimator,
-    /// Local gravity in m/s², if it is known; otherwise standard gravity with an uncertainty of 0.15 %.
+    /// Local gravity in m/s², if it is known. Otherwise it follows from the latitude, that from a position in the
+    /// recording, and without any it is standard gravity with an uncertainty of 0.15 %.
     pub gravity: Option<f64>,
+    /// Where the recording was made, in degrees north: for gravity and for the Earth's rotation.
+    pub latitude_deg: Option<f64>,
+    /// And how high above the ellipsoid, in m; unset, at sea level, give or take 500 m.
+    pub height_m: Option<f64>,
+    /// Topic of positions; unset, the first one of a known type.
+    pub fix_topic: Option<String>,
     /// A rest further than this from every face of the fixture is rejected, in degrees.
     pub max_tilt_deg: f64,
     /// How far a specific force at rest repeats from placement to placement, one standard deviation in m/s²:
@@ -31,11 +39,21 @@ impl Default for Config {
             model: Model::Auto,
             estimator: Estimator::Magnitude,
             gravity: None,
+            latitude_deg: None,
+            height_m: None,
+            fix_topic: None,
             max_tilt_deg: 15.0,
             placement_std: 0.01,
             rate_std: 1e-3,
             bounds: Bounds::default(),
         }
+    }
+}
+
+impl Config {
+    /// The configured place.
+    pub fn place(&self) -> Option<Place> {
+        self.latitude_deg.map(|latitude_deg| Place { latitude_deg, height_m: self.height_m })
     }
 }
 

@@ -3,13 +3,11 @@
 
 use super::config::Bounds;
 use super::estimate::Estimate;
+use super::gravity::EARTH_RATE;
 use super::lsqlin;
 use super::regression::{Reading, regress};
 use super::shape::{Shape, Term};
 use super::system::limits;
-
-/// Angular rate of the Earth, rad/s (IERS Conventions 2010, nominal mean).
-pub const EARTH_RATE: f64 = 7.292_115e-5;
 
 /// Regresses placements that scatter by `assumed_std` (rad/s) until they show otherwise on the specific forces (m/s²) that
 /// their truths hold as the other quantity.

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::fix::{Fix, Fixes};
 use super::known::{known, suggestion};
 use super::layout::Layout;
 use super::lookup::nearest;
@@ -26,6 +27,7 @@ pub struct Intake {
     routes: BTreeMap<u16, Route>,
     imus: Vec<Imu>,
     notices: Vec<Notice>,
+    fixes: Fixes,
 }
 
 /// An IMU that has been seen.
@@ -82,7 +84,13 @@ impl Intake {
             routes: BTreeMap::new(),
             imus: Vec::new(),
             notices: Vec::new(),
+            fixes: Fixes::default(),
         }
+    }
+
+    /// The same, with positions from this topic alone.
+    pub fn with_fix_topic(self, topic: Option<String>) -> Self {
+        Self { fixes: Fixes::new(topic), ..self }
     }
 
     /// Learns of a channel, and says what it is used for. Repeating a channel changes nothing.
@@ -97,7 +105,12 @@ impl Intake {
 
     /// Whether messages of this channel are of any use.
     pub fn wants(&self, channel_id: u16) -> bool {
-        self.routes.contains_key(&channel_id)
+        self.routes.contains_key(&channel_id) || self.fixes.wants(channel_id)
+    }
+
+    /// Takes a message, and says where the recording is made if it is the first that tells.
+    pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Fix> {
+        self.fixes.message(channel_id, data)
     }
 
     /// Takes a message, and hands its samples to `sink`: those of the accelerometer last, since it is by them that an
@@ -182,7 +195,11 @@ impl Intake {
     /// Topics that the configuration names and no channel has had so far.
     pub fn missing_topics(&self) -> Vec<MissingTopic> {
         let configured = self.sources.iter().take(self.configured);
-        let missing: BTreeSet<_> = configured.flat_map(Source::topics).filter(|&t| !self.topics.contains(t)).collect();
+        let missing: BTreeSet<_> = configured
+            .flat_map(Source::topics)
+            .chain(self.fixes.topic())
+            .filter(|&t| !self.topics.contains(t))
+            .collect();
         let nearest = |topic: &str| nearest(topic, self.topics.iter().cloned());
         missing.into_iter().map(|topic| MissingTopic { topic: topic.to_owned(), nearest: nearest(topic) }).collect()
     }
@@ -195,6 +212,11 @@ impl Intake {
             Ok(layout) => layout,
             Err(error) => return Verdict::Skipped(error.to_string()),
         };
+        match self.fixes.channel(channel.id, &channel.topic, &layout) {
+            Ok(true) => return Verdict::Position,
+            Ok(false) => {}
+            Err(error) => return Verdict::Skipped(error.to_string()),
+        }
         let known = known(layout.name());
         if known.is_some_and(|known| known.imu) && !self.is_mentioned(&channel.topic) {
             self.sources.push(Source::new(ImuConfig { topic: channel.topic.clone(), ..ImuConfig::default() }));

@@ -12,6 +12,8 @@ use super::path::FieldPath;
 pub enum Verdict {
     /// Samples are taken from it.
     Used(Vec<Use>),
+    /// It says where the recording is made, and so how long gravity is.
+    Position,
     /// It would be used, or might be, but cannot be read: why, in one line.
     Skipped(String),
     /// It is not an IMU as far as its type tells.
@@ -49,6 +51,7 @@ impl fmt::Display for Verdict {
                 }
                 Ok(())
             }
+            Self::Position => f.write_str("position, for the length of gravity"),
             Self::Skipped(reason) => write!(f, "skipped: {reason}"),
             Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),
             Self::Other { vectors, .. } => {

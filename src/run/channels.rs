@@ -45,7 +45,7 @@ impl Channels {
 ///
 /// If it cannot be read.
 pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Channels, Error> {
-    let mut intake = Intake::new(&config.imu);
+    let mut intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
     let mut schemas = BTreeMap::new();
     let mut found = Vec::new();
     let inventory = recording.scan(watch, |event| match event {

@@ -9,7 +9,8 @@ use crate::Stamp;
 use crate::annotate::Annotator;
 use crate::config::Config;
 use crate::engine::{self, Engine, Message, Secondary};
-use crate::imu::{Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict};
+use crate::fit::{Gravity, Place, Source};
+use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::record::{Block, Channel, Damage, Event, Schema, Topic};
@@ -30,6 +31,8 @@ pub(super) struct Learner<'a> {
     damages: u64,
     /// Of the last message.
     log_time: u64,
+    /// Where the recording is made, once it has said so.
+    place: Option<Place>,
     samples: Vec<(ImuId, Sensor, Sample)>,
     events: Vec<engine::Event>,
 }
@@ -59,7 +62,7 @@ impl<'a> Learner<'a> {
     pub(super) fn new(config: &'a Config) -> Self {
         Self {
             config,
-            intake: Intake::new(&config.imu),
+            intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
             schemas: BTreeMap::new(),
             imus: Vec::new(),
             annotator: Annotator::new(config.output.encoding.in_profile("")),
@@ -68,6 +71,7 @@ impl<'a> Learner<'a> {
             damage: Vec::new(),
             damages: 0,
             log_time: 0,
+            place: None,
             samples: Vec::new(),
             events: Vec::new(),
         }
@@ -130,10 +134,14 @@ impl<'a> Learner<'a> {
     }
 
     fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
+        if let Some(fix) = self.intake.fix(channel, data) {
+            self.locate(fix);
+        }
         let samples = &mut self.samples;
         self.intake.message(channel, log_time, data, &mut |imu, sensor, sample| samples.push((imu, sensor, sample)));
         for imu in self.intake.imus().iter().skip(self.imus.len()) {
-            let engine = Engine::new(engine_config(imu, self.config));
+            let mut engine = Engine::new(engine_config(imu, self.config));
+            self.place.into_iter().for_each(|place| engine.locate(place));
             self.imus.push(Learning { engine, findings: Findings::new(&imu.name, &imu.topic) });
         }
         for notice in self.intake.take_notices() {
@@ -149,6 +157,20 @@ impl<'a> Learner<'a> {
             }
         }
         self.samples.clear();
+    }
+
+    /// The recording has said where it is made.
+    fn locate(&mut self, Fix { latitude_deg, height_m }: Fix) {
+        let place = Place { latitude_deg, height_m };
+        self.place = Some(place);
+        self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
+        if self.config.fit.gravity.is_none() && self.config.fit.latitude_deg.is_none() {
+            let gravity = Gravity::at(&place, Source::FixTopic);
+            let height = height_m.map(|height| format!(" and {height:.0} m")).unwrap_or_default();
+            let text =
+                format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
+            self.log(Level::Info, text);
+        }
     }
 
     /// Annotates the events of an IMU.

@@ -1,0 +1,158 @@
+//! How long gravity is, and how sure that is. Which of the sources there are is left to the configuration and to the
+//! recording.
+
+use serde::{Deserialize, Serialize};
+
+/// The length of gravity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gravity {
+    /// m/s².
+    pub value: f64,
+    /// One standard deviation, m/s².
+    pub std: f64,
+    /// Where it is from.
+    pub source: Source,
+}
+
+/// Where a value of gravity is from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Source {
+    /// `fit.gravity`.
+    Configured,
+    /// `fit.latitude_deg`.
+    Latitude,
+    /// A position in the recording.
+    FixTopic,
+    /// Nothing is known of the place.
+    Standard,
+}
+
+impl Source {
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Configured => "configured",
+            Self::Latitude => "latitude",
+            Self::FixTopic => "fix topic",
+            Self::Standard => "standard",
+        }
+    }
+}
+
+/// A place on the Earth, as far as gravity and rotation depend on it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// Geodetic latitude, degrees north.
+    pub latitude_deg: f64,
+    /// Height above the ellipsoid of WGS 84, m, if it is known.
+    pub height_m: Option<f64>,
+}
+
+/// Angular rate of the Earth, rad/s (IERS Conventions 2010, nominal mean).
+pub const EARTH_RATE: f64 = 7.292_115e-5;
+/// Standard gravity, m/s² (CGPM 1901).
+const STANDARD: f64 = 9.80665;
+/// Gravity varies by so much over the Earth's surface: one standard deviation, relative.
+const STANDARD_SPREAD: f64 = 0.0015;
+/// What normal gravity knows nothing of, mountains and ore, moves gravity by about this much (50 mGal), m/s².
+const ANOMALY: f64 = 5e-4;
+/// A height that nobody gave is zero, give or take so many metres.
+const UNKNOWN_HEIGHT: f64 = 500.0;
+/// One that was given is good to so many metres: fixes say the ellipsoid's, people the sea's, which is up to 100 m off.
+const KNOWN_HEIGHT: f64 = 30.0;
+/// Free-air gradient, (m/s²)/m.
+const GRADIENT: f64 = 3.086e-6;
+
+impl Gravity {
+    /// As somebody measured it.
+    pub fn configured(value: f64) -> Self {
+        Self { value, std: 0.0, source: Source::Configured }
+    }
+
+    /// Of nowhere in particular.
+    pub fn standard() -> Self {
+        Self { value: STANDARD, std: STANDARD * STANDARD_SPREAD, source: Source::Standard }
+    }
+
+    /// Of a place.
+    pub fn at(place: &Place, source: Source) -> Self {
+        let height_std = if place.height_m.is_some() { KNOWN_HEIGHT } else { UNKNOWN_HEIGHT };
+        Self { value: place.normal_gravity(), std: libm::hypot(ANOMALY, GRADIENT * height_std), source }
+    }
+}
+
+impl Place {
+    /// Whether there is such a place, within reach of vehicles.
+    pub fn is_valid(&self) -> bool {
+        self.latitude_deg.abs() <= 90.0 && self.height_m.is_none_or(|height| (-12_000.0..=100_000.0).contains(&height))
+    }
+
+    /// Normal gravity of the ellipsoid of WGS 84 (Somigliana's formula, and its expansion in height: NIMA TR8350.2, 3rd
+    /// edition, equations 4-1 and 4-3), m/s².
+    fn normal_gravity(&self) -> f64 {
+        /// At the equator, m/s².
+        const EQUATOR: f64 = 9.780_325_335_9;
+        const K: f64 = 0.001_931_852_652_41;
+        /// Square of the first eccentricity.
+        const E2: f64 = 0.006_694_379_990_13;
+        /// Semi-major axis, m.
+        const A: f64 = 6_378_137.0;
+        const FLATTENING: f64 = 1.0 / 298.257_223_563;
+        /// ω² a² b / GM.
+        const M: f64 = 0.003_449_786_506_84;
+        let sin2 = self.vertical_share().powi(2);
+        let height = self.height_m.unwrap_or(0.0) / A;
+        let on_ellipsoid = EQUATOR * (1.0 + K * sin2) / (1.0 - E2 * sin2).sqrt();
+        on_ellipsoid * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * sin2) * height + 3.0 * height * height)
+    }
+
+    /// The Earth's rotation about the local vertical, rad/s, counted about the direction that points up.
+    pub fn vertical_rate(&self) -> f64 {
+        EARTH_RATE * self.vertical_share()
+    }
+
+    /// The Earth's rotation about the local north, rad/s.
+    pub fn horizontal_rate(&self) -> f64 {
+        EARTH_RATE * libm::cos(self.latitude_deg.to_radians())
+    }
+
+    fn vertical_share(&self) -> f64 {
+        libm::sin(self.latitude_deg.to_radians())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(latitude_deg: f64, height: f64) -> f64 {
+        Gravity::at(&Place { latitude_deg, height_m: Some(height) }, Source::Latitude).value
+    }
+
+    #[test]
+    fn normal_gravity_is_that_of_the_tables() {
+        // NIMA TR8350.2, table 3.4: at the equator and at the poles.
+        assert!((at(0.0, 0.0) - 9.780_325_335_9).abs() < 1e-10);
+        assert!((at(90.0, 0.0) - 9.832_184_937_8).abs() < 1e-9);
+        assert_eq!(at(-90.0, 0.0), at(90.0, 0.0));
+    }
+
+    #[test]
+    fn measured_gravity_lies_within_the_uncertainty() {
+        // The absolute stations of the network IGSN 71 at Potsdam and at Sèvres.
+        for (latitude_deg, height, measured) in [(52.38, 87.0, 9.812_60), (48.83, 66.0, 9.809_26)] {
+            let place = Place { latitude_deg, height_m: Some(height) };
+            let gravity = Gravity::at(&place, Source::Latitude);
+            assert!((gravity.value - measured).abs() < 2.5 * gravity.std, "{gravity:?} {measured}");
+        }
+    }
+
+    #[test]
+    fn the_earth_turns_about_the_pole() {
+        let north = Place { latitude_deg: 90.0, height_m: None };
+        assert_eq!(north.vertical_rate(), EARTH_RATE);
+        assert!(north.horizontal_rate() < 1e-15);
+        let south = Place { latitude_deg: -30.0, height_m: None };
+        assert!((south.vertical_rate() + EARTH_RATE / 2.0).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,115 @@
+//! Where the recording is made, by the positions in it: the first valid one counts. What follows from it is left to
+//! [`fit`](crate::fit).
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::decoder::Decoder;
+use super::layout::{Layout, Place};
+use super::lookup::PathError;
+use super::path::FieldPath;
+
+/// A position.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fix {
+    /// Geodetic latitude, degrees north.
+    pub latitude_deg: f64,
+    /// Height above the ellipsoid, m, if it was told.
+    pub height_m: Option<f64>,
+}
+
+/// Looks for the first valid position.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Fixes {
+    /// The configured topic; else every topic of a known type is listened to.
+    topic: Option<String>,
+    /// Until one is found.
+    routes: BTreeMap<u16, Route>,
+    found: Option<Fix>,
+}
+
+/// Where the numbers of a position stand in the messages of a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Route {
+    decoder: Decoder,
+    /// Latitude and longitude, then the altitude and the status if there are any.
+    numbers: Vec<f64>,
+    altitude: Option<usize>,
+    status: Option<usize>,
+}
+
+/// Types that are known to be positions.
+const KNOWN: [&str; 3] = ["sensor_msgs/NavSatFix", "foxglove.LocationFix", "foxglove/LocationFix"];
+
+impl Fixes {
+    pub(super) fn new(topic: Option<String>) -> Self {
+        Self { topic, ..Self::default() }
+    }
+
+    /// The configured topic.
+    pub(super) fn topic(&self) -> Option<&str> {
+        self.topic.as_deref()
+    }
+
+    /// Listens to a channel if it is one of positions, and says whether it is.
+    ///
+    /// # Errors
+    /// If it is the configured one and has none.
+    pub(super) fn channel(&mut self, id: u16, topic: &str, layout: &Layout) -> Result<bool, PathError> {
+        let wanted = match &self.topic {
+            Some(configured) => configured == topic,
+            None => KNOWN.contains(&layout.name()),
+        };
+        if wanted {
+            let route = Route::new(layout)?;
+            if self.found.is_none() {
+                self.routes.insert(id, route);
+            }
+        }
+        Ok(wanted)
+    }
+
+    pub(super) fn wants(&self, channel: u16) -> bool {
+        self.routes.contains_key(&channel)
+    }
+
+    /// Takes a message of a channel that is wanted; the position, if it is the first valid one.
+    pub(super) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Fix> {
+        let fix = self.routes.get_mut(&channel)?.read(data)?;
+        self.found = Some(fix);
+        self.routes.clear();
+        Some(fix)
+    }
+}
+
+impl Route {
+    fn new(layout: &Layout) -> Result<Self, PathError> {
+        let path = |names: [&str; 2]| {
+            names.iter().filter(|name| !name.is_empty()).fold(FieldPath::default(), |path, name| path.join(name))
+        };
+        let number = |name| layout.number(&path([name, ""]));
+        let mut places: Vec<Place> = vec![number("latitude")?, number("longitude")?];
+        let mut optional = |place: Option<Place>| {
+            places.push(place?);
+            Some(places.len() - 1)
+        };
+        let altitude = optional(number("altitude").ok());
+        let status = optional(layout.number(&path(["status", "status"])).ok());
+        let decoder = Decoder::new(layout, &places, None)?;
+        Ok(Self { decoder, numbers: vec![0.0; places.len()], altitude, status })
+    }
+
+    /// The position of a message, if it is a valid one: not marked as no fix, on the Earth, and not the (0, 0) of a
+    /// receiver that has not found itself yet.
+    fn read(&mut self, data: &[u8]) -> Option<Fix> {
+        self.decoder.read(data, &mut self.numbers).ok()?;
+        let number = |place: Option<usize>| place.and_then(|place| self.numbers.get(place)).copied();
+        let (latitude_deg, longitude_deg) = (number(Some(0))?, number(Some(1))?);
+        let has_fix = number(self.status).is_none_or(|status| status >= 0.0);
+        let on_earth = latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0;
+        let found = (latitude_deg, longitude_deg) != (0.0, 0.0);
+        let height_m = number(self.altitude).filter(|height| (-12_000.0..=100_000.0).contains(height));
+        (has_fix && on_earth && found).then_some(Fix { latitude_deg, height_m })
+    }
+}
