@@ -97,7 +97,7 @@ impl Scatter {
         let mut levels: Vec<_> =
             levels.into_iter().map(|(between, density, end)| (between, end * libm::exp(density - most))).collect();
         let sum: f64 = levels.iter().map(|level| level.1).sum();
-        if !(sum > 0.0) {
+        if sum.is_nan() || sum <= 0.0 {
             return Self::assumed(assumed.placement);
         }
         levels.iter_mut().for_each(|level| level.1 /= sum);
@@ -169,7 +169,7 @@ impl Block {
         let mut row = DVector::<f64>::zeros(size);
         for r in 0..self.residuals.len() {
             let variance = self.gain[r] * between + self.noise[r];
-            if !(variance > 0.0) {
+            if variance.is_nan() || variance <= 0.0 {
                 return None;
             }
             log += libm::log(variance);
