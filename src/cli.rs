@@ -66,6 +66,9 @@ pub struct Annotate {
     /// Folder to write into, under the default names
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
+    /// Write the annotations into the recording itself; a run that is killed meanwhile is undone by the next
+    #[arg(long, conflicts_with_all = ["output", "out_dir", "sidecar", "force"])]
+    pub in_place: bool,
     /// Write the annotations alone, into a file that viewers show beside the recording
     #[arg(long)]
     pub sidecar: bool,

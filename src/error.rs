@@ -39,8 +39,8 @@ pub enum Error {
     /// The output exists and is something else.
     #[error("{}: exists and is not the result of this input and configuration; choose another name or replace it with --force", .0.display())]
     Exists(PathBuf),
-    /// Another process is writing the output.
-    #[error("{}: another stillpoint is writing this file; wait for it or choose another name", .0.display())]
+    /// Another process is at work on the file.
+    #[error("{}: another stillpoint is at work on this file; wait for it or choose another name", .0.display())]
     Busy(PathBuf),
     /// A signal asked to stop.
     #[error("stopped on request; nothing was left behind")]

@@ -5,6 +5,7 @@
 mod batch;
 mod channels;
 mod findings;
+mod in_place;
 mod learn;
 mod output;
 mod partial;
@@ -13,9 +14,10 @@ mod recording;
 mod stop;
 mod strip;
 
-pub use batch::{Options, Report, annotate, calibrate};
+pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use channels::{Channels, Use, channels};
 pub use findings::Findings;
+pub use in_place::Access;
 pub use output::Written;
 pub use partial::Partial;
 pub use read_back::findings;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Options, Recording, Report, Stop, Written};
+use stillpoint::run::{self, Access, Form, Options, Recording, Report, Stop, Written};
 use stillpoint::{Error, imu::Verdict};
 use tracing::{info, warn};
 
@@ -46,6 +46,9 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
 
 /// Where the result of each input goes.
 fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
+    if args.in_place {
+        return Ok(args.inputs.clone());
+    }
     if let Some(output) = &args.output {
         return match args.inputs.as_slice() {
             [_] => Ok(vec![output.clone()]),
@@ -80,10 +83,15 @@ fn one(
     config: &Config,
     stop: &Stop,
 ) -> Result<(Report, Written), Error> {
-    let recording = Recording::open_original(input)?;
+    let access = if args.in_place { Access::Change } else { Access::Read };
+    let recording = Recording::open_original(input, access)?;
     let progress = Progress::new(&recording, stop);
-    let options =
-        Options { sidecar: args.sidecar, force: args.force, allow_no_imu: args.allow_no_imu, sync: args.sync };
+    let form = match (args.in_place, args.sidecar) {
+        (true, _) => Form::InPlace,
+        (_, true) => Form::Sidecar,
+        _ => Form::Annotated,
+    };
+    let options = Options { form, force: args.force, allow_no_imu: args.allow_no_imu, sync: args.sync };
     run::annotate(&recording, output, config, options, &|done| progress.watch(done))
 }
 

@@ -19,14 +19,27 @@ use crate::record::{Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
 /// How to annotate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Write the annotations alone.
-    pub sidecar: bool,
+    /// What to write.
+    pub form: Form,
     /// Replace an output that exists.
     pub force: bool,
     /// Write a result even if no topic is an IMU.
     pub allow_no_imu: bool,
     /// Wait until the output is on the device.
     pub sync: bool,
+}
+
+/// What to write.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Form {
+    /// The recording with its annotations, as a new file.
+    #[default]
+    Annotated,
+    /// The same, in the place of the recording itself, which must have been opened for
+    /// [`Access::Change`](super::Access::Change). Always synced.
+    InPlace,
+    /// The annotations alone.
+    Sidecar,
 }
 
 /// What was found in a recording.
@@ -46,7 +59,7 @@ pub struct Report {
     pub messages: u64,
 }
 
-/// Annotates a recording into `output`.
+/// Annotates a recording into `output`; in place, that is its own path.
 ///
 /// # Errors
 ///
@@ -59,10 +72,13 @@ pub fn annotate(
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
     let (path, settings) = (output, settings(config));
-    let mut output = Output::open(path, options.force)?;
+    let mut output = match options.form {
+        Form::InPlace => Output::itself(recording)?,
+        Form::Annotated | Form::Sidecar => Output::open(path, options.force)?,
+    };
     let abandon = AtomicBool::new(false);
     let (inventory, learned) = thread::scope(|scope| {
-        let copying = (!options.sidecar).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
+        let copying = (options.form == Form::Annotated).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
         let learned = learn(recording, config, options.allow_no_imu, watch);
         abandon.store(learned.is_err(), Ordering::Relaxed);
         let copied =
@@ -75,12 +91,14 @@ pub fn annotate(
         return annotate(&original, path, config, options, watch);
     }
     let report = Report::new(&inventory, &learned);
-    let result = match options.sidecar {
-        true => write_sidecar(&mut output, recording, &inventory, &settings, &learned),
-        false => write_annotated(&mut output, recording, inventory, &settings, &learned, watch),
+    let result = match options.form {
+        Form::Sidecar => write_sidecar(&mut output, recording, &inventory, &settings, &learned),
+        Form::Annotated | Form::InPlace => {
+            write_annotated(&mut output, recording, inventory, &settings, &learned, watch)
+        }
     };
     result?;
-    Ok((report, output.finish(options.sync)?))
+    Ok((report, output.finish(recording, options.sync)?))
 }
 
 /// Learns from a recording, and writes nothing.

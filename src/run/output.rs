@@ -1,4 +1,4 @@
-//! Where a result goes: into a new file, or nowhere, if there is a file that must already be the result.
+//! Where a result goes: into a new file, into the recording itself, or nowhere, if it is there already.
 //!
 //! What the result consists of is left to [`record`](crate::record).
 
@@ -9,6 +9,7 @@ use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::in_place::{self, Access};
 use super::partial::Partial;
 use super::recording::Recording;
 use crate::Error;
@@ -27,6 +28,8 @@ enum Medium {
     New(Partial),
     /// What exists, and how far it equals the result.
     Existing(File, u64),
+    /// The recording itself: where it changes, and all that is to follow, before anything is changed.
+    Itself(u64, File),
 }
 
 /// What became of an output.
@@ -46,10 +49,21 @@ impl Output {
                 return Err(Error::input(path, "is a folder; name a file with -o or use --out-dir"));
             }
             Ok(metadata) if !metadata.is_file() => return Err(Error::input(path, "is not a regular file")),
-            Ok(_) if !force => Medium::Existing(File::open(path).map_err(Error::io("read", path))?, 0),
-            _ => Medium::New(Partial::create(path)?),
+            Ok(_) => {
+                let existing = in_place::open(path, Access::Read)?;
+                if force { Medium::New(Partial::create(path)?) } else { Medium::Existing(existing, 0) }
+            }
+            Err(_) => Medium::New(Partial::create(path)?),
         };
         Ok(Self { path: path.to_owned(), medium })
+    }
+
+    /// The file that the recording stands in, which must have been opened for [`Access::Change`].
+    pub(super) fn itself(recording: &Recording) -> Result<Self, Error> {
+        let path = recording.path().to_owned();
+        let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned)).unwrap_or_default();
+        let staged = tempfile::tempfile_in(folder).map_err(Error::io("write beside", &path))?;
+        Ok(Self { path, medium: Medium::Itself(0, staged) })
     }
 
     /// Copies the recording ahead of the pieces, since the result mostly begins with it. May run while another thread
@@ -67,24 +81,31 @@ impl Output {
 
     /// Takes the first piece, the beginning of the recording, which was [copied ahead](Self::copy_ahead).
     pub(super) fn keep(&mut self, range: Range<u64>, recording: &Recording) -> Result<(), Error> {
-        match &self.medium {
+        match &mut self.medium {
             Medium::New(partial) => {
                 let mut file = partial.file();
                 let cut = file.set_len(range.end).and_then(|()| file.seek(SeekFrom::Start(range.end)));
                 cut.map(|_| ()).map_err(Error::io("write", &self.path))
             }
             Medium::Existing(..) => self.put(&Piece::Original(range), recording),
+            Medium::Itself(from, _) => {
+                // What stands in its place already needs no change.
+                let stays =
+                    recording.parts(range.clone()).next().filter(|part| part.start == 0).map_or(0, |part| part.end);
+                *from = stays;
+                self.put(&Piece::Original(stays..range.end), recording)
+            }
         }
     }
 
     /// Takes a piece of the result.
     pub(super) fn put(&mut self, piece: &Piece, recording: &Recording) -> Result<(), Error> {
         match (&mut self.medium, piece) {
-            (Medium::New(partial), Piece::Original(range)) => {
-                copy(recording, range.clone(), partial.file()).map_err(Error::io("write", &self.path))
+            (Medium::New(partial), piece) => {
+                append(piece, recording, partial.file()).map_err(Error::io("write", &self.path))
             }
-            (Medium::New(partial), Piece::Bytes(bytes)) => {
-                partial.file().write_all(bytes).map_err(Error::io("write", &self.path))
+            (Medium::Itself(_, staged), piece) => {
+                append(piece, recording, staged).map_err(Error::io("write beside", &self.path))
             }
             (Medium::Existing(file, equal), piece) => {
                 *equal = compare(file, *equal, piece, recording)?.ok_or_else(|| Error::Exists(self.path.clone()))?;
@@ -94,12 +115,28 @@ impl Output {
     }
 
     /// The result is complete.
-    pub(super) fn finish(self, sync: bool) -> Result<Written, Error> {
+    pub(super) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
         match self.medium {
             Medium::New(partial) => partial.finish(sync).map(|()| Written::Now),
+            Medium::Itself(from, staged) => {
+                if is_end(recording.file(), from, &staged).map_err(Error::io("read", &self.path))? {
+                    return Ok(Written::Before);
+                }
+                if !recording.is_unchanged() {
+                    return Err(Error::input(&self.path, "changed while it was read: is it still being recorded?"));
+                }
+                in_place::replace_end(recording.file(), &self.path, from, &staged).map(|()| Written::Now)
+            }
             Medium::Existing(file, equal) if file.metadata().is_ok_and(|m| m.len() == equal) => Ok(Written::Before),
             Medium::Existing(..) => Err(Error::Exists(self.path)),
         }
+    }
+}
+
+fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()> {
+    match piece {
+        Piece::Original(range) => copy(recording, range.clone(), to),
+        Piece::Bytes(bytes) => to.write_all(bytes),
     }
 }
 
@@ -114,6 +151,28 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
         }
     }
     Ok(())
+}
+
+/// Whether what follows byte `from` of a file is `end`.
+fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
+    let length = end.metadata()?.len();
+    if file.metadata()?.len() != from + length {
+        return Ok(false);
+    }
+    let (mut found, mut expected) = (vec![0; 1 << 16], vec![0; 1 << 16]);
+    let mut at = 0;
+    while at < length {
+        let next = (length - at).min(found.len() as u64) as usize;
+        found.truncate(next);
+        expected.truncate(next);
+        file.read_exact_at(&mut found, from + at)?;
+        end.read_exact_at(&mut expected, at)?;
+        if found != expected {
+            return Ok(false);
+        }
+        at += next as u64;
+    }
+    Ok(true)
 }
 
 /// Where the next piece must stand if `piece` stands at `at`; `None` if it does not.

@@ -71,12 +71,14 @@ impl Partial {
             self.file.sync_all()?;
         }
         std::fs::rename(&self.path, &self.target)?;
-        if sync {
-            let folder = self.target.parent().filter(|folder| !folder.as_os_str().is_empty());
-            File::open(folder.unwrap_or(Path::new(".")))?.sync_all()?;
-        }
-        Ok(())
+        if sync { sync_folder(&self.target) } else { Ok(()) }
     }
+}
+
+/// Waits until the names in the folder of `path` are on the device.
+pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 impl Drop for Partial {

@@ -5,7 +5,9 @@ use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
+use super::in_place::{self, Access};
 use crate::Error;
 use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, Scan, recognise, recognise_scanned};
 
@@ -21,6 +23,8 @@ pub struct Recording {
     file: File,
     path: PathBuf,
     original: Original,
+    /// Length and time of the last change, when it was opened.
+    state: (u64, SystemTime),
 }
 
 impl Recording {
@@ -30,8 +34,11 @@ impl Recording {
     ///
     /// If it is missing, empty, not a file, or may not be read.
     pub fn open(path: &Path) -> Result<Self, Error> {
-        let file = File::open(path).map_err(Error::io("read", path))?;
-        let metadata = file.metadata().map_err(Error::io("read", path))?;
+        Self::open_for(path, Access::Read)
+    }
+
+    fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
+        let metadata = std::fs::metadata(path).map_err(Error::io("read", path))?;
         if metadata.is_dir() {
             let why = match path.join("metadata.yaml").exists() {
                 true => "rosbag2 folders are not read yet; name the .mcap files in it",
@@ -42,7 +49,9 @@ impl Recording {
         if !metadata.is_file() {
             return Err(Error::input(path, "is not a regular file; save it as one first"));
         }
-        Ok(Self { file, path: path.to_owned(), original: Original::whole(metadata.len()) })
+        let file = in_place::open(path, access)?;
+        let state = state(&file).map_err(Error::io("read", path))?;
+        Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })
     }
 
     /// Opens a file. The recording is the original in it, if Stillpoint annotated it, and else all of it.
@@ -50,8 +59,8 @@ impl Recording {
     /// # Errors
     ///
     /// As [`open`](Self::open), and if the file holds annotations alone.
-    pub fn open_original(path: &Path) -> Result<Self, Error> {
-        let file = Self::open(path)?;
+    pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
+        let file = Self::open_for(path, access)?;
         match file.recognise(|bytes| recognise(bytes, file.length()))? {
             Kind::Recording => Ok(file),
             Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
@@ -94,9 +103,18 @@ impl Recording {
             return Ok(None);
         }
         match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
-            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..Self::open(&self.path)? })),
+            Kind::Annotated { original, .. } => {
+                // The same open file, which keeps its lock.
+                let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+                Ok(Some(Self { file, path: self.path.clone(), original, state: self.state }))
+            }
             _ => Ok(None),
         }
+    }
+
+    /// Whether its file is still as long and as old as when it was opened.
+    pub(super) fn is_unchanged(&self) -> bool {
+        state(&self.file).is_ok_and(|state| state == self.state)
     }
 
     fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
@@ -180,6 +198,11 @@ impl Recording {
             }
         }
     }
+}
+
+fn state(file: &File) -> io::Result<(u64, SystemTime)> {
+    let metadata = file.metadata()?;
+    Ok((metadata.len(), metadata.modified()?))
 }
 
 struct Bytes<'a>(&'a File);

@@ -30,5 +30,5 @@ pub fn strip(
         output.put(&Piece::Original(from..until), recording)?;
         from = until;
     }
-    output.finish(sync)
+    output.finish(recording, sync)
 }
