@@ -28,6 +28,7 @@
 
 mod book;
 mod judge;
+mod observe;
 mod publish;
 mod solve;
 mod words;
@@ -39,7 +40,7 @@ use self::judge::Judge;
 use self::publish::Publisher;
 use self::solve::Solution;
 use crate::Stamp;
-use crate::fit::{self, Fixture, Place, guess};
+use crate::fit::{self, Fixture, Place};
 use crate::imu::{Preset, Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
@@ -197,33 +198,13 @@ impl Engine {
         }
     }
 
-    /// Judges every remembered rest anew and fits what the good ones determine. The faces depend on the calibration and
-    /// the calibration on the faces, so this goes round until neither changes; a few rounds suffice.
+    /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
-        const ROUNDS: usize = 4;
-        let Self { config, fixture, segmenter, book, fix, .. } = self;
+        let Self { config, fixture, segmenter, book, publisher, fix, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         let step = segmenter.accel_step();
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        let entries = book.entries_mut();
-        judge.sort_out(entries);
-        let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
-        let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
-        let mut calibration = guess(means.iter(), gravity.value);
-        let mut before = Vec::new();
-        let mut accelerometer = Err(String::new());
-        for _ in 0..ROUNDS {
-            judge.assign_faces(entries, &calibration);
-            let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
-            if verdicts == before {
-                break;
-            }
-            before = verdicts;
-            accelerometer = solve::accelerometer(entries, &config.fit, fixture, gravity, step);
-            let Ok(fit) = &accelerometer else { break };
-            calibration = fit.calibration();
-        }
-        solve::others(entries, config, fixture, gravity, step, accelerometer)
+        solve::solve(book.entries_mut(), &judge, config, gravity, step, publisher.shape())
     }
 
     /// Says what has changed: segments, then coverage, then calibration.

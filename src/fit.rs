@@ -22,7 +22,7 @@ mod system;
 
 pub use calibration::Calibration;
 pub use config::{Bounds, Config, Estimator, Model};
-pub use estimate::Estimate;
+pub use estimate::{Estimate, directions};
 pub use fixture::{Face, Fixture};
 pub use gravity::{EARTH_RATE, Gravity, Place, Source};
 pub use lsqlin::{Error, Solution, lsqlin};

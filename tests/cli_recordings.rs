@@ -3,7 +3,10 @@
 
 mod common;
 
-use common::{Folder, recording};
+use std::ffi::OsStr;
+use std::path::Path;
+
+use common::{Folder, Run, recording};
 use serde_json::Value;
 
 fn vector(value: &Value) -> [f64; 3] {
@@ -41,13 +44,51 @@ fn a_six_face_session_agrees_with_the_references() {
     assert!(folder.read("stripped.mcap") == std::fs::read(input).unwrap());
 }
 
+fn annotate(input: &Path, settings: &[&str]) -> Run {
+    let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref(), "--json".as_ref()];
+    let settings = settings.iter().flat_map(|setting| ["--set", setting]).map(OsStr::new);
+    Folder::new().run(arguments.into_iter().chain(settings)).ok()
+}
+
 #[test]
-fn sessions_that_never_show_six_faces_calibrate_no_accelerometer() {
-    for name in ["mpu6050_hand_held.ros2.mcap", "mpu9150_0_19_poses.ros2.mcap"] {
+fn spread_poses_determine_the_triangular_model_as_the_references_do() {
+    let Some(input) = recording("xsens_38_poses.ros2.mcap") else { return };
+    let run = annotate(&input, &["fit.model=triangular", "fit.gravity=9.81744"]);
+    let accelerometer = &run.json()["imus"][0]["accelerometer"];
+    assert_eq!(accelerometer["model"], "triangular");
+    assert_eq!(accelerometer["status"], "CONFIRMED");
+    // imu_tk, nine parameters.
+    assert_close("bias", vector(&accelerometer["bias"]), [0.2991, 0.6647, -1.5350], 0.002);
+    assert_close("scale", diagonal(&accelerometer["sensitivity"]), [1.00101, 0.99525, 1.00150], 5e-4);
+
+    let Some(input) = recording("mpu9150_0_19_poses.ros2.mcap") else { return };
+    for settings in [&["fit.model=triangular"][..], &[]] {
+        let accelerometer = &annotate(&input, settings).json()["imus"][0]["accelerometer"];
+        assert_eq!(accelerometer["model"], "triangular");
+        assert_close("bias", vector(&accelerometer["bias"]), [0.1023, 0.0976, 0.3461], 0.003);
+        assert_close("scale", diagonal(&accelerometer["sensitivity"]), [1.0039, 1.0034, 1.0069], 5e-4);
+    }
+}
+
+#[test]
+fn six_faces_do_not_determine_the_triangular_model_and_it_is_said() {
+    let Some(input) = recording("nilspod_six_face.ros2.mcap") else { return };
+    let accelerometer = &annotate(&input, &[]).json()["imus"][0]["accelerometer"];
+    assert_eq!(accelerometer["model"], "bias-scale");
+    let notes = accelerometer["notes"].to_string();
+    assert!(notes.contains("triangular is not determined") && notes.contains("condition"), "{notes}");
+
+    let imu = &annotate(&input, &["fit.model=triangular"]).json()["imus"][0];
+    assert_eq!(imu["accelerometer"]["bias"], Value::Null);
+    let next = imu["coverage"]["next_step"].to_string();
+    assert!(next.contains("the direction between"), "{next}");
+}
+
+#[test]
+fn sessions_that_show_neither_six_faces_nor_nine_directions_calibrate_no_accelerometer() {
+    for name in ["mpu6050_hand_held.ros2.mcap", "robot_localization_test1.mcap", "robot_localization_test2.mcap"] {
         let Some(input) = recording(name) else { return };
-        let folder = Folder::new();
-        let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
-        let run = folder.run(arguments.into_iter().chain(["--json"].map(AsRef::as_ref))).ok();
+        let run = annotate(&input, &[]);
         let imu = &run.json()["imus"][0];
         assert_eq!(imu["accelerometer"]["bias"], Value::Null, "{name}");
         assert_eq!(imu["coverage"]["complete"], false, "{name}");

@@ -100,6 +100,7 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     place(fit)?;
     positive("fit.placement_std", fit.placement_std)?;
     positive("fit.rate_std", fit.rate_std)?;
+    positive("fit.max_error", fit.max_error)?;
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
     not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;
     let fit::Bounds { accel_bias, accel_scale, gyro_bias, secondary_bias, secondary_scale } = fit.bounds;

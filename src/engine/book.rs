@@ -105,18 +105,19 @@ impl Book {
         self.entries.iter().filter(|entry| entry.verdict.is_accepted()).map(|entry| entry.count).sum()
     }
 
-    /// Keeps memory constant: of too many accepted rests on one face the two nearest in time are merged, of too many
-    /// rejected ones the oldest is forgotten.
+    /// Keeps memory constant: of too many accepted rests on one face the two nearest in time that read alike are merged; if
+    /// there are no such two, or they are rejected ones, the oldest is forgotten.
     pub(super) fn shrink(&mut self) {
         while let Some((kind, same)) = self.crowd() {
-            if kind.is_none() {
-                self.forgotten += self.entries.remove(same[0]).count;
-                continue;
-            }
-            let gap = |pair: &&[usize]| self.entries[pair[1]].rest.start.since(self.entries[pair[0]].rest.end);
-            if let Some(&[first, second]) = same.windows(2).min_by_key(gap) {
-                let later = self.entries.remove(second);
-                self.entries[first].absorb(&later);
+            let entries = &self.entries;
+            let gap = |pair: &&[usize]| entries[pair[1]].rest.start.since(entries[pair[0]].rest.end);
+            let alike = same.windows(2).filter(|pair| kind.is_some() && entries[pair[0]].reads_like(&entries[pair[1]]));
+            match alike.min_by_key(gap) {
+                Some(&[first, second]) => {
+                    let later = self.entries.remove(second);
+                    self.entries[first].absorb(&later);
+                }
+                _ => self.forgotten += self.entries.remove(same[0]).count,
             }
         }
     }
@@ -132,6 +133,13 @@ impl Book {
 }
 
 impl Entry {
+    /// Whether the mean of both is as long as either: of directions an angle δ apart it is shorter by δ²/8.
+    fn reads_like(&self, other: &Self) -> bool {
+        /// m/s²: a ten thousandth of g at most.
+        const APART: f64 = 0.25;
+        (self.rest.accelerometer.mean - other.rest.accelerometer.mean).norm() <= APART
+    }
+
     fn absorb(&mut self, later: &Self) {
         let rest = &mut self.rest;
         rest.end = later.rest.end;

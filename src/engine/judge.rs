@@ -20,6 +20,15 @@ pub(super) struct Judge<'a> {
     pub(super) gravity: f64,
 }
 
+/// Which poses a model can use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Poses {
+    /// Those near the faces of the fixture.
+    OnFaces,
+    /// Any.
+    Any,
+}
+
 impl Judge<'_> {
     /// Faults that show whatever the orientation.
     pub(super) fn sort_out(&self, entries: &mut [Entry]) {
@@ -41,7 +50,7 @@ impl Judge<'_> {
     }
 
     /// The faces of the faultless, by the accelerometer's calibration as it is known or guessed.
-    pub(super) fn assign_faces(&self, entries: &mut [Entry], calibration: &Calibration) {
+    pub(super) fn assign_faces(&self, entries: &mut [Entry], calibration: &Calibration, poses: Poses) {
         for Entry { rest, verdict, .. } in entries {
             if !verdict.is_at_rest() {
                 continue;
@@ -61,10 +70,14 @@ impl Judge<'_> {
             };
             let name = self.fixture.faces().get(face).map_or("?", |face| face.name.as_str());
             let limit = self.fit.max_tilt_deg;
-            (verdict.reason, verdict.explanation) = if tilt > limit {
+            (verdict.reason, verdict.explanation) = if tilt > limit && poses == Poses::OnFaces {
                 let explanation =
                     format!("{tilt:.1}° from the nearest face, {name} (limit {limit}°): was the sensor lying flat?");
                 (Reason::Tilted, explanation)
+            } else if tilt > limit {
+                let explanation =
+                    format!("{tilt:.1}° from {name}, {:.1} s: the model takes any direction", rest.seconds());
+                (Reason::Accepted, explanation)
             } else {
                 (Reason::Accepted, format!("{name} up, {:.1} s, tilt {tilt:.1}°", rest.seconds()))
             };

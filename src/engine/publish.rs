@@ -38,6 +38,15 @@ impl Publisher {
         Some(coverage)
     }
 
+    /// The model of the accelerometer that was published last, if that was determined.
+    pub(super) fn shape(&self) -> Option<Shape> {
+        match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
+            Model::BiasScale => Some(Shape::DIAGONAL),
+            Model::Triangular => Some(Shape::TRIANGULAR),
+            _ => None,
+        }
+    }
+
     /// The calibration with its revision, if it is worth publishing: a parameter moved by half a standard deviation, a
     /// standard deviation shrank by a tenth, a verdict changed; at the end of the recording, if more rests entered.
     pub(super) fn calibration(
@@ -118,7 +127,8 @@ pub(super) fn coverage(
             }
         })
         .collect();
-    let complete = faces.iter().all(|face| face.placements > 0);
+    // A model that needs no faces makes up for those that are missing.
+    let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let status = accelerometer_status(solution);
     let next_step = never_still.unwrap_or_else(|| words::next_step(&faces, book.found(), solution, status));
     messages::Coverage { header: Some(header), faces, complete, next_step }
@@ -171,9 +181,12 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     let named = named("accelerometer", &config.accelerometer);
     let fit = match &solution.accelerometer {
         Ok(fit) => fit,
-        Err(why) => return Triad { notes: vec![why.clone()], ..named },
+        Err(why) => {
+            return Triad { notes: std::iter::once(why.clone()).chain(words::refused(solution)).collect(), ..named };
+        }
     };
     let mut notes = words::active_bounds(fit);
+    notes.extend(words::refused(solution));
     notes.extend(solution.coarse_step.map(words::coarse));
     notes.extend(words::assumed_gravity(solution.gravity));
     Triad {

@@ -1,17 +1,18 @@
-//! From the judged rests to what they determine of each triad.
+//! From the remembered rests to what they determine of each triad: which rests are good depends on the calibration, and
+//! which model on the rests. How rests become observations is left to `observe`.
 
-use std::collections::BTreeMap;
-
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::Config;
-use super::book::Entry;
+use super::book::{Entry, Verdict};
+use super::judge::{Judge, Poses};
+use super::observe::{self, Placed};
 use super::words;
-use crate::fit::accelerometer::Assumptions;
+use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{
-    self, Bounds, Estimate, Fixture, Gravity, Place, Reading, Shape, Source, Truth, accelerometer, gyroscope, secondary,
+    self, Calibration, Estimate, Gravity, Model, Place, Shape, Source, accelerometer, directions, guess, gyroscope,
+    secondary,
 };
-use crate::still::TriadMean;
 
 /// What the rests determine.
 #[derive(Clone, Debug)]
@@ -19,17 +20,20 @@ pub(super) struct Solution {
     pub(super) gravity: Gravity,
     /// Or why not.
     pub(super) accelerometer: Result<Estimate, String>,
+    /// Richer models than that of the accelerometer, and why each is none.
+    pub(super) refused: Vec<(Shape, String)>,
     pub(super) gyroscope: Option<Estimate>,
     pub(super) secondary: Vec<Result<Estimate, String>>,
     /// Accepted placements, all faces together.
     pub(super) placements: usize,
-    /// Those that repeat a face and so may contradict: no more than two a face count, since a bump of the table is easily
-    /// taken for a placement.
+    /// Those that repeat what others say and so may contradict.
     pub(super) repeats: usize,
     /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
     pub(super) coarse_step: Option<f64>,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
+    /// The direction furthest from those seen, by name, while a model that takes any direction has too few.
+    pub(super) unseen: Option<String>,
 }
 
 /// The gravity to fit with.
@@ -42,100 +46,123 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     }
 }
 
-/// Fits the primary accelerometer, or says why not.
-pub(super) fn accelerometer(
-    entries: &[Entry],
-    config: &fit::Config,
-    fixture: &Fixture,
+/// Judges every rest anew and fits what the good ones determine. `kept` is the model that was published last.
+pub(super) fn solve(
+    entries: &mut [Entry],
+    judge: &Judge<'_>,
+    config: &Config,
     gravity: Gravity,
     step: Option<f64>,
-) -> Result<Estimate, String> {
-    fit_accelerometer(&placements_on_faces(entries, fixture, step), config, fixture, gravity)
-}
-
-/// Fits the other triads that the rests determine, beside a fit of the primary accelerometer.
-pub(super) fn others(
-    entries: &[Entry],
-    Config { fit: config, secondary, .. }: &Config,
-    fixture: &Fixture,
-    gravity: Gravity,
-    step: Option<f64>,
-    accelerometer: Result<Estimate, String>,
+    kept: Option<Shape>,
 ) -> Solution {
-    let primary = accelerometer.as_ref().ok();
-    let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
-        let mut bounds = config.bounds.clone();
-        if let Some(preset) = secondary.preset {
-            (bounds.secondary_bias, bounds.secondary_scale) = (preset.bias(), preset.scale());
+    judge.sort_out(entries);
+    let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
+    let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
+    let start = guess(means.iter(), judge.gravity);
+    let verdicts: Vec<Verdict> = entries.iter().map(|entry| entry.verdict.clone()).collect();
+
+    let mut refused = Vec::new();
+    let mut attempt = Attempt { fit: Err(String::new()), seen: Vec::new(), ups: Vec::new(), poses: Poses::OnFaces };
+    for &shape in candidates(config.fit.model) {
+        entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
+        let trial = Trial { shape, gravity, step, kept: kept == Some(shape) };
+        attempt = self::attempt(entries, judge, &trial, start);
+        match &attempt.fit {
+            Ok(_) => break,
+            Err(why) => refused.push((shape, why.clone())),
         }
-        fit_secondary(entries, i, config.placement_std, &bounds, primary)
-    });
-    let secondary = secondary.collect();
-    let rates = rates(entries);
-    let seen = placements_on_faces(entries, fixture, step);
-    let used = entries.iter().filter(|entry| entry.verdict.is_accepted());
-    let rounded = used.map(|entry| rounding(&entry.rest.accelerometer, step)).any(|variance| variance.max() > 0.0);
-    let on_face = |i: usize| seen.iter().filter(|(face, _)| *face == i).count();
-    let repeats = (0..fixture.faces().len()).map(|i| on_face(i).saturating_sub(1).min(2)).sum();
-    Solution {
-        gravity,
-        placements: seen.len(),
-        repeats,
-        coarse_step: step.filter(|_| rounded),
-        accelerometer,
-        gyro_placements: rates.len(),
-        gyroscope: gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds).ok(),
-        secondary,
+    }
+    if attempt.fit.is_err() {
+        refused.pop();
+    }
+    others(entries, config, gravity, step, refused, attempt)
+}
+
+/// Models to try, the richest first.
+fn candidates(model: Model) -> &'static [Shape] {
+    match model {
+        Model::Auto => &[Shape::TRIANGULAR, Shape::DIAGONAL],
+        Model::BiasScale => &[Shape::DIAGONAL],
+        Model::Triangular => &[Shape::TRIANGULAR],
     }
 }
 
-/// The accepted rests, those of one placement on one face as one observation.
-fn placements_on_faces(
-    entries: &[Entry],
-    fixture: &Fixture,
+/// What to try.
+struct Trial {
+    shape: Shape,
+    gravity: Gravity,
     step: Option<f64>,
-) -> Vec<(usize, accelerometer::Observation)> {
-    let mut groups: BTreeMap<(u32, usize), Vec<&TriadMean>> = BTreeMap::new();
-    for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
-        if let Some((face, _)) = entry.verdict.face {
-            groups.entry((entry.rest.placement, face)).or_default().push(&entry.rest.accelerometer);
+    /// Whether the model was published before.
+    kept: bool,
+}
+
+/// One model of the primary accelerometer tried.
+struct Attempt {
+    fit: Result<Estimate, String>,
+    seen: Vec<Placed>,
+    /// Directions of true specific force, as far as is known.
+    ups: Vec<Vector3<f64>>,
+    poses: Poses,
+}
+
+/// The faces depend on the calibration and the calibration on the faces, so this goes round until neither changes; a few
+/// rounds suffice.
+fn attempt(entries: &mut [Entry], judge: &Judge<'_>, trial: &Trial, start: Calibration) -> Attempt {
+    const ROUNDS: usize = 4;
+    let poses = if trial.shape == Shape::TRIANGULAR { Poses::Any } else { Poses::OnFaces };
+    let mut attempt = Attempt { fit: Err(String::new()), seen: Vec::new(), ups: Vec::new(), poses };
+    let mut calibration = start;
+    let mut before = Vec::new();
+    for _ in 0..ROUNDS {
+        judge.assign_faces(entries, &calibration, poses);
+        let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
+        if verdicts == before {
+            break;
         }
+        before = verdicts;
+        attempt.seen = observe::placements(entries, judge.fixture, poses, trial.step);
+        attempt.fit = fit_accelerometer(&attempt.seen, judge, trial, calibration);
+        let Ok(fit) = &attempt.fit else { break };
+        calibration = fit.calibration();
     }
-    groups
-        .into_iter()
-        .filter_map(|((_, face), means)| {
-            let normal = fixture.faces().get(face)?.normal;
-            let (mean, noise) = pooled(&means);
-            // However long a rest, what rounding does to its mean stays.
-            let noise = noise + rounding(means.first()?, step);
-            Some((face, accelerometer::Observation { mean, noise, normal }))
-        })
-        .collect()
+    let up = |placed: &Placed| calibration.correct(&placed.observation.mean).try_normalize(f64::MIN_POSITIVE);
+    attempt.ups = attempt.seen.iter().filter_map(up).collect();
+    attempt
 }
 
 fn fit_accelerometer(
-    seen: &[(usize, accelerometer::Observation)],
-    config: &fit::Config,
-    fixture: &Fixture,
-    gravity: Gravity,
+    seen: &[Placed],
+    judge: &Judge<'_>,
+    &Trial { shape, gravity, kept, .. }: &Trial,
+    start: Calibration,
 ) -> Result<Estimate, String> {
-    let missing: Vec<_> = fixture
-        .faces()
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| seen.iter().all(|(face, _)| face != i))
-        .map(|(_, face)| face.name.as_str())
-        .collect();
-    if !missing.is_empty() {
-        return Err(format!("not seen at rest: {}", missing.join(", ")));
+    let config = judge.fit;
+    match shape {
+        Shape::TRIANGULAR if seen.len() < shape.unknowns() => {
+            return Err(format!(
+                "{} placements in spread directions are needed, {} seen",
+                shape.unknowns(),
+                seen.len()
+            ));
+        }
+        Shape::TRIANGULAR => {}
+        _ => {
+            let faces = judge.fixture.faces().iter().enumerate();
+            let missing = faces.filter(|(i, _)| seen.iter().all(|placed| placed.face != *i));
+            let missing: Vec<_> = missing.map(|(_, face)| face.name.as_str()).collect();
+            if !missing.is_empty() {
+                return Err(format!("not seen at rest: {}", missing.join(", ")));
+            }
+        }
     }
-    let observations: Vec<_> = seen.iter().map(|(_, observation)| *observation).collect();
+    let observations: Vec<Observation> = seen.iter().map(|placed| placed.observation).collect();
     let given = Assumptions {
-        shape: Shape::DIAGONAL,
+        shape,
         estimator: config.estimator,
         gravity,
         placement_std: config.placement_std,
         bounds: &config.bounds,
+        start,
     };
     let fit = accelerometer::fit(&observations, &given).map_err(|error| error.to_string())?;
     if !fit.agrees() {
@@ -146,80 +173,109 @@ fn fit_accelerometer(
             words::also(&words::active_bounds(&fit))
         ));
     }
+    let limit = config.max_error * if kept { HYSTERESIS } else { 1.0 };
+    let worst = fit.worst_case_error(gravity.value);
+    let credible = worst <= limit;
+    if shape == Shape::TRIANGULAR && !credible {
+        return Err(format!(
+            "in some direction a corrected reading could err by {worst:.2} m/s², more than {limit:.2}: rests between the \
+             faces would tell (condition number {:.0})",
+            fit.condition
+        ));
+    }
     Ok(fit)
+}
+
+/// A model that was published stays until its worst-case error exceeds the limit by this factor.
+const HYSTERESIS: f64 = 1.5;
+
+/// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
+fn others(
+    entries: &[Entry],
+    Config { fit: config, secondary, .. }: &Config,
+    gravity: Gravity,
+    step: Option<f64>,
+    refused: Vec<(Shape, String)>,
+    Attempt { fit: accelerometer, seen, ups, poses }: Attempt,
+) -> Solution {
+    let primary = accelerometer.as_ref().ok();
+    let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
+        let mut bounds = config.bounds.clone();
+        if let Some(preset) = secondary.preset {
+            (bounds.secondary_bias, bounds.secondary_scale) = (preset.bias(), preset.scale());
+        }
+        fit_secondary(entries, i, config, &bounds, primary)
+    });
+    let secondary = secondary.collect();
+    let calibration = primary.map(Estimate::calibration);
+    let rates = observe::rates(entries, calibration.as_ref());
+    Solution {
+        gravity,
+        placements: seen.len(),
+        unseen: (poses == Poses::Any && primary.is_none()).then(|| unseen(&ups)),
+        repeats: primary.map_or(0, |_| repeats(&seen, &ups, poses)),
+        coarse_step: step.filter(|&step| observe::is_coarse(entries, step)),
+        accelerometer,
+        refused,
+        gyro_placements: rates.len(),
+        gyroscope: gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds).ok(),
+        secondary,
+    }
+}
+
+/// The face, edge or corner of a cube that is furthest from every direction seen, by the axes between which it lies.
+fn unseen(ups: &[Vector3<f64>]) -> String {
+    let nearness = |direction: &Vector3<f64>| ups.iter().map(|up| up.dot(direction)).fold(-1.0, f64::max);
+    let furthest = directions().min_by(|a, b| nearness(a).total_cmp(&nearness(b))).unwrap_or_default();
+    let axes = ["X", "Y", "Z"].into_iter().zip(&furthest).filter(|(_, part)| **part != 0.0);
+    let axes: Vec<_> = axes.map(|(axis, part)| format!("{}{axis}", if *part > 0.0 { "+" } else { "-" })).collect();
+    match axes.as_slice() {
+        [axis] => axis.clone(),
+        axes => format!("the direction between {}", axes.join(" and ")),
+    }
+}
+
+/// Placements beyond those that the model needs. No more than three in one direction count, since a bump of the table is
+/// easily taken for a placement.
+fn repeats(seen: &[Placed], ups: &[Vector3<f64>], poses: Poses) -> usize {
+    const MOST: usize = 3;
+    /// Cosine of 15°.
+    const SAME: f64 = 0.966;
+    let mut directions: Vec<(Vector3<f64>, usize)> = Vec::new();
+    for (placed, up) in seen.iter().zip(ups) {
+        let up = if poses == Poses::OnFaces { placed.observation.normal } else { *up };
+        match directions.iter_mut().find(|(known, _)| known.dot(&up) > SAME) {
+            Some((_, count)) => *count += 1,
+            None => directions.push((up, 1)),
+        }
+    }
+    let counted: usize = directions.iter().map(|(_, count)| (*count).min(MOST)).sum();
+    let needed = if poses == Poses::OnFaces { directions.len() } else { Shape::TRIANGULAR.unknowns() };
+    counted.saturating_sub(needed)
 }
 
 fn fit_secondary(
     entries: &[Entry],
     index: usize,
-    assumed_std: f64,
-    bounds: &Bounds,
+    config: &fit::Config,
+    bounds: &fit::Bounds,
     primary: Option<&Estimate>,
 ) -> Result<Estimate, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
-    let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
-    for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
-        let second = entry.rest.secondary.get(index).and_then(Option::as_ref);
-        if let Some(second) = second.filter(|mean| mean.clipped == 0) {
-            let (primary, secondary) = groups.entry(entry.rest.placement).or_default();
-            primary.push(&entry.rest.accelerometer);
-            secondary.push(second);
-        }
-    }
-    let pairs: Vec<_> = groups
-        .into_values()
-        .map(|(first, second)| {
-            let ((primary, primary_noise), (secondary, secondary_noise)) = (pooled(&first), pooled(&second));
-            secondary::Pair { primary, secondary, primary_noise, secondary_noise }
-        })
-        .collect();
+    let pairs = observe::pairs(entries, index);
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    let fit =
-        secondary::fit(Shape::DIAGONAL, &pairs, primary, assumed_std, bounds).map_err(|error| error.to_string())?;
-    let held_back = words::active_bounds(&fit);
+    let fit = secondary::fit(Shape::DIAGONAL, &pairs, primary, config.placement_std, bounds);
+    let fit = fit.map_err(|error| error.to_string())?;
     if !fit.agrees() {
         return Err(format!(
             "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. Check its \
              axes, unit and time stamps{}",
             fit.residual_rms,
             fit.residual_limit,
-            words::also(&held_back)
+            words::also(&words::active_bounds(&fit))
         ));
     }
     Ok(fit)
-}
-
-/// What the gyroscope read during each placement that is no turn.
-fn rates(entries: &[Entry]) -> Vec<Reading> {
-    let mut groups: BTreeMap<u32, Vec<&TriadMean>> = BTreeMap::new();
-    for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
-        if let Some(gyroscope) = &entry.rest.gyroscope {
-            groups.entry(entry.rest.placement).or_default().push(gyroscope);
-        }
-    }
-    groups
-        .into_values()
-        .map(|means| {
-            let (mean, noise) = pooled(&means);
-            Reading { mean, noise, truth: Truth::default(), truth_noise: Matrix3::zeros() }
-        })
-        .collect()
-}
-
-/// Variance that rounding to a step leaves in a mean, per axis: that of a uniform error where the noise is too small to
-/// average it out (below half a step), else none.
-fn rounding(mean: &TriadMean, step: Option<f64>) -> Vector3<f64> {
-    let step = step.unwrap_or(0.0);
-    mean.std().map(|std| if std < step / 2.0 { step * step / 12.0 } else { 0.0 })
-}
-
-/// Mean of several means of one placement, by their effective samples, and its noise variance.
-fn pooled(means: &[&TriadMean]) -> (Vector3<f64>, Vector3<f64>) {
-    let total: f64 = means.iter().map(|mean| mean.effective).sum();
-    let share = |mean: &TriadMean| mean.effective / total.max(f64::MIN_POSITIVE);
-    let mean = means.iter().map(|mean| mean.mean * share(mean)).sum();
-    let noise = means.iter().map(|mean| mean.mean_variance() * share(mean) * share(mean)).sum();
-    (mean, noise)
 }

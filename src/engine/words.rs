@@ -3,7 +3,7 @@
 use super::Config;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
-use crate::fit::{Estimate, Gravity, Source, Term};
+use crate::fit::{Estimate, Gravity, Shape, Source, Term};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
@@ -12,17 +12,22 @@ use crate::still::{self, Segmenter, State};
 
 /// The operator's next step.
 pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status: Status) -> String {
-    let missing: Vec<_> = faces.iter().filter(|face| face.placements == 0).map(|face| face.name.as_str()).collect();
+    let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
+    let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
     match (missing.as_slice(), &solution.accelerometer, status) {
         ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
             format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
+        }
+        (_, Err(why), _) if solution.unseen.is_some() => {
+            let unseen = solution.unseen.as_deref().unwrap_or_default();
+            format!("{why}. Turn the sensor so that {unseen} points up and let it rest for two seconds")
         }
         ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for two seconds"),
         ([first, ..], _, _) => format!(
             "still to see: {}. Turn the sensor so that {first} points up and let it rest for two seconds",
             missing.join(", ")
         ),
-        ([], Err(why), _) => format!("no calibration: {why}. Repeat the six faces on a flat, firm surface"),
+        ([], Err(why), _) => format!("no calibration: {why}. Repeat the {} faces on a flat, firm surface", faces.len()),
         ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
         ([], Ok(_), _) if solution.repeats >= CONFIRMING_REPEATS => {
             "repeated placements disagree: place every face once more on a flat, firm surface".to_owned()
@@ -112,6 +117,22 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
 pub(super) fn active_bounds(fit: &Estimate) -> Vec<String> {
     let terms = fit.active.iter().filter_map(|&i| fit.shape.terms().get(i));
     terms.map(|term| format!("{} is held back by its bound: check fit.bounds", parameter(*term))).collect()
+}
+
+/// Why richer models than that of the accelerometer are none.
+pub(super) fn refused(solution: &Solution) -> Vec<String> {
+    let line = |(shape, why): &(Shape, String)| format!("{} is not determined: {why}", model(*shape));
+    solution.refused.iter().map(line).collect()
+}
+
+/// What a model of an accelerometer is called in the configuration.
+fn model(shape: Shape) -> &'static str {
+    match shape {
+        Shape::DIAGONAL => "bias-scale",
+        Shape::TRIANGULAR => "triangular",
+        Shape::MATRIX => "cross-axis",
+        _ => "full",
+    }
 }
 
 /// What a parameter is called.

@@ -41,6 +41,8 @@ pub struct Assumptions<'a> {
     pub placement_std: f64,
     /// Limits of the parameters.
     pub bounds: &'a Bounds,
+    /// A guess, for models that the faces do not determine.
+    pub start: Calibration,
 }
 
 /// Accelerometers cross-couple by about this much where the model has no word for it (one standard deviation).
@@ -56,6 +58,9 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Esti
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
         (Estimator::Fixture, _) => on_fixture(observations, given, between, before),
         (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, between, *before),
+        (Estimator::Magnitude, None) if given.shape == Shape::TRIANGULAR => {
+            on_magnitude(observations, given, between, given.start)
+        }
         (Estimator::Magnitude, None) => {
             let start = on_fixture(observations, given, between, None)?;
             on_magnitude(observations, given, between, start.calibration)

@@ -29,6 +29,8 @@ pub struct Config {
     pub placement_std: f64,
     /// The same for the mean rate of a gyroscope, in rad/s.
     pub rate_std: f64,
+    /// How far a corrected reading may err in any direction, at 95 %, for a model that needs no faces to be believed, m/s².
+    pub max_error: f64,
     /// Datasheet limits.
     pub bounds: Bounds,
 }
@@ -45,6 +47,7 @@ impl Default for Config {
             max_tilt_deg: 15.0,
             placement_std: 0.01,
             rate_std: 1e-3,
+            max_error: 0.1,
             bounds: Bounds::default(),
         }
     }
@@ -64,8 +67,10 @@ pub enum Model {
     /// The richest model that the rests determine.
     #[default]
     Auto,
-    /// Bias and diagonal sensitivity, six unknowns.
+    /// Bias and diagonal sensitivity, six unknowns: needs the faces of the fixture.
     BiasScale,
+    /// Bias and lower-triangular sensitivity, nine unknowns: needs nine or more placements in spread directions, any.
+    Triangular,
 }
 
 /// Where the fit of the accelerometer stops.

@@ -120,9 +120,11 @@ impl Shape {
         self.0.contains(&term)
     }
 
-    /// The entries of S that are not free.
+    /// The entries of S that the model ignores: those off a diagonal S. A triangular S ignores none, since the others only
+    /// say how the frame is turned.
     pub fn unmodelled(self) -> impl Iterator<Item = Term> + Clone {
-        (0..9).map(|k| Own(k / 3, k % 3)).filter(move |&term| !self.has(term))
+        let ignored = self == Self::DIAGONAL;
+        (0..9).map(|k| Own(k / 3, k % 3)).filter(move |&term| ignored && !self.has(term))
     }
 
     /// The parameter vector of a calibration.
