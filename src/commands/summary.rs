@@ -127,7 +127,8 @@ fn sentence(label: &str, text: &str) -> Vec<String> {
 
 /// Words behind a label, on lines that a terminal of 100 columns holds.
 fn wrap(label: &str, space: &str, words: impl Iterator<Item = String>) -> Vec<String> {
-    const COLUMNS: usize = 100;
+    /// Less the indent of a table.
+    const COLUMNS: usize = 98;
     let indent = " ".repeat(measure_text_width(label));
     let mut lines = vec![label.to_owned()];
     for word in words {

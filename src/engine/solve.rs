@@ -178,8 +178,8 @@ fn fit_accelerometer(
     let credible = worst <= limit;
     if shape == Shape::TRIANGULAR && !credible {
         return Err(format!(
-            "in some direction a corrected reading could err by {worst:.2} m/s², more than {limit:.2}: rests between the \
-             faces would tell (condition number {:.0})",
+            "a corrected reading could err by {worst:.2} m/s² in some direction, more than {limit:.2} (condition number \
+             {:.0}): rests between the faces would tell",
             fit.condition
         ));
     }
