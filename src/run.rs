@@ -11,6 +11,7 @@ mod output;
 mod partial;
 mod read_back;
 mod recording;
+mod spill;
 mod stop;
 mod strip;
 

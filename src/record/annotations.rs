@@ -1,6 +1,8 @@
 //! What is folded into a recording: topics and blocks of messages, without ids. Ids are given by whoever writes them,
 //! since a sidecar counts from 1 and an annotated recording takes the lowest that are free.
 
+use super::wire::{Fields, Put as _};
+
 /// A topic that annotations are written to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
@@ -34,4 +36,31 @@ pub struct Annotation {
 pub struct Block {
     /// In the order of writing, never empty.
     pub annotations: Vec<Annotation>,
+}
+
+impl Block {
+    /// Appends the block in a form that [`read`](Self::read) takes back, to be kept until all ids are known.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        for annotation in &self.annotations {
+            out.put_u32(annotation.topic as u32);
+            out.put_u32(annotation.sequence);
+            out.put_u64(annotation.log_time);
+            out.put_blob(&annotation.data);
+        }
+    }
+
+    /// The block that these bytes are; `None` if they are none.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let mut fields = Fields(bytes);
+        let mut annotations = Vec::new();
+        while !fields.0.is_empty() {
+            annotations.push(Annotation {
+                topic: fields.u32()? as usize,
+                sequence: fields.u32()?,
+                log_time: fields.u64()?,
+                data: fields.blob()?.to_vec(),
+            });
+        }
+        Some(Self { annotations })
+    }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::records::{ChunkHeader, ChunkIndex, write_message_index};
 use super::summary::Summary;
 use super::wire::{Put, op, record};
-use super::{Block, Channel, Error, Message, Schema, Topic};
+use super::{Block, Channel, Error, Message, Piece, Schema, Topic};
 
 /// Compression level of annotation chunks. Fixed, since it determines the bytes.
 const ZSTD_LEVEL: i32 = 3;
@@ -148,12 +148,13 @@ impl Emitter {
     }
 
     /// DataEnd, summary, footer and magic.
-    pub(super) fn close(mut self) -> Vec<u8> {
+    pub(super) fn close(mut self) -> Vec<Piece> {
         let mut out = Vec::new();
         record(&mut out, op::DATA_END, |out| out.put_u32(self.crc.unwrap_or_default()));
         self.pass(&out);
-        out.extend(self.summary.write(self.position, self.chunked));
-        out
+        let mut pieces = vec![Piece::Bytes(out)];
+        pieces.extend(self.summary.write(self.position, self.chunked));
+        pieces
     }
 
     /// Appends the channel of a topic, and its schema, at their first use.

@@ -25,6 +25,8 @@ pub enum Piece {
     Original(Range<u64>),
     /// These bytes.
     Bytes(Vec<u8>),
+    /// All chunk indexes that were taken, one behind the other: so many bytes.
+    Indexes(u64),
 }
 
 /// What stands behind the [prefix](Inventory::prefix) of the original.
@@ -38,8 +40,11 @@ pub struct Tail {
 
 /// Folds annotations into a recording.
 ///
-/// The annotated recording is the pieces of [`Fold::open`], one for each [`Fold::block`], and that of [`Fold::close`],
+/// The annotated recording is the pieces of [`Fold::open`], one for each [`Fold::block`], and those of [`Fold::close`],
 /// in this order. The first piece is the prefix of the original, in its own place: writing in place can skip it.
+///
+/// Memory grows with the number of chunks only if nobody takes their indexes: from the [scan](super::Scan::take_indexes)
+/// first, then from the [fold](Fold::take_indexes).
 pub struct Fold {
     emitter: Emitter,
 }
@@ -102,9 +107,14 @@ impl Fold {
         self.emitter.block(topics, block).map(Piece::Bytes)
     }
 
-    /// The last piece: the end of the data, the merged summary, the footer.
-    pub fn close(self) -> Piece {
-        Piece::Bytes(self.emitter.close())
+    /// Hands over the chunk indexes since the last time, to be given back in the place of [`Piece::Indexes`].
+    pub fn take_indexes(&mut self) -> Vec<u8> {
+        self.emitter.summary.take_indexes()
+    }
+
+    /// The last pieces: the end of the data, the merged summary, the footer.
+    pub fn close(self) -> Vec<Piece> {
+        self.emitter.close()
     }
 }
 

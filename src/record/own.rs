@@ -152,10 +152,8 @@ impl Traces {
             ..Self::default()
         };
         inventory.channels().values().for_each(|channel| traces.note_channel(channel));
-        let mut chunks = Fields(inventory.summary.chunk_indexes());
-        while let Some((opcode, body)) = chunks.record() {
-            traces.note(opcode, body);
-        }
+        let foreign = inventory.summary.last_chunks.iter().filter(|(channel, _)| !traces.ours.contains(channel));
+        traces.last_foreign_chunk = foreign.map(|(_, &offset)| offset).max().unwrap_or_default();
         traces
     }
 

@@ -164,6 +164,12 @@ impl Scan {
         self.horizon.notify_read(length);
     }
 
+    /// Hands over the chunk indexes found since the last time, so that they do not pile up; a [fold](super::Fold) wants
+    /// them back in the place of [`Piece::Indexes`](super::Piece::Indexes).
+    pub fn take_indexes(&mut self) -> Vec<u8> {
+        self.inventory.summary.take_indexes()
+    }
+
     /// What was found so far; complete after [`Event::End`].
     pub fn inventory(&self) -> &Inventory {
         &self.inventory

@@ -10,9 +10,9 @@ use super::emitter::{Emitter, Taken};
 use super::fold::{library, write_settings};
 use super::records::Header;
 use super::summary::Summary;
-use super::{Block, Error, Topic};
+use super::{Block, Error, Piece, Topic};
 
-/// Writes a sidecar: the bytes of [`Sidecar::open`], of each [`Sidecar::block`], and of [`Sidecar::close`].
+/// Writes a sidecar: the bytes of [`Sidecar::open`], of each [`Sidecar::block`], and the pieces of [`Sidecar::close`].
 ///
 /// What has been written is whole at any time up to the last block, so that a growing sidecar can be followed; the
 /// state can be saved and taken up again.
@@ -40,8 +40,13 @@ impl Sidecar {
         self.emitter.block(topics, block)
     }
 
-    /// The last bytes: the end of the data, the summary, the footer.
-    pub fn close(self) -> Vec<u8> {
+    /// Hands over the chunk indexes since the last time, to be given back in the place of [`Piece::Indexes`].
+    pub fn take_indexes(&mut self) -> Vec<u8> {
+        self.emitter.summary.take_indexes()
+    }
+
+    /// The last pieces: the end of the data, the summary, the footer.
+    pub fn close(self) -> Vec<Piece> {
         self.emitter.close()
     }
 }

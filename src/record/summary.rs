@@ -4,12 +4,13 @@
 
 use std::collections::BTreeMap;
 
+use crc32fast::Hasher;
 use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
 use super::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use super::wire::{Put, op, record};
-use super::{Channel, Schema};
+use super::{Channel, Piece, Schema};
 
 /// The contents of a data section.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -21,8 +22,9 @@ pub(super) struct Summary {
     /// First and last log time.
     pub(super) span: Option<(u64, u64)>,
     chunks: u32,
-    /// Encoded, in file order: a long recording has many.
-    chunk_indexes: Vec<u8>,
+    indexes: Indexes,
+    /// Where the last chunk with messages of a channel is, by its message indexes.
+    pub(super) last_chunks: BTreeMap<u16, u64>,
     pub(super) attachments: Vec<AttachmentIndex>,
     pub(super) metadata: Vec<MetadataIndex>,
     /// Records of the original's summary that MCAP does not define, encoded, by opcode.
@@ -46,24 +48,32 @@ impl Summary {
     /// Notes a chunk.
     pub(super) fn index(&mut self, chunk: &ChunkIndex) {
         self.chunks += 1;
-        chunk.write(&mut self.chunk_indexes);
+        chunk.write(&mut self.indexes.kept);
+        for &channel in chunk.message_indexes.keys() {
+            self.last_chunks.insert(channel, chunk.offset);
+        }
     }
 
-    /// The indexes of the chunks noted, encoded.
-    pub(super) fn chunk_indexes(&self) -> &[u8] {
-        &self.chunk_indexes
+    /// Whether there are any chunks.
+    pub(super) fn has_chunks(&self) -> bool {
+        self.chunks > 0
+    }
+
+    /// Hands over the indexes noted since the last time.
+    pub(super) fn take_indexes(&mut self) -> Vec<u8> {
+        self.indexes.take()
     }
 
     /// Everything behind the DataEnd record, which ends at byte `start` of the file.
     ///
     /// Without `indexed`, chunks are counted but not indexed: readers that find an index look nowhere else.
-    pub(super) fn write(&self, start: u64, indexed: bool) -> Vec<u8> {
-        let mut groups = Groups { start, out: Vec::new(), offsets: Vec::new() };
+    pub(super) fn write(self, start: u64, indexed: bool) -> Vec<Piece> {
+        let mut groups = Groups { start, ..Groups::default() };
         groups.group(op::SCHEMA, |out| self.schemas.values().for_each(|schema| schema.write(out)));
         groups.group(op::CHANNEL, |out| self.channels.values().for_each(|channel| channel.write(out)));
         groups.group(op::STATISTICS, |out| self.write_statistics(out));
         if indexed {
-            groups.group(op::CHUNK_INDEX, |out| out.put(&self.chunk_indexes));
+            groups.indexes(&self.indexes);
         }
         groups.group(op::ATTACHMENT_INDEX, |out| self.attachments.iter().for_each(|entry| entry.write(out)));
         groups.group(op::METADATA_INDEX, |out| self.metadata.iter().for_each(|entry| entry.write(out)));
@@ -93,9 +103,34 @@ impl Summary {
     }
 }
 
+/// The indexes of chunks, encoded, in file order. A long recording has many, so whoever can keep them elsewhere takes
+/// them from time to time, and gives them back in the place of [`Piece::Indexes`].
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Indexes {
+    /// Length and CRC-32 of what was taken.
+    taken: (u64, u32),
+    kept: Vec<u8>,
+}
+
+impl Indexes {
+    fn take(&mut self) -> Vec<u8> {
+        let (length, crc) = self.taken;
+        let mut hasher = Hasher::new_with_initial(crc);
+        hasher.update(&self.kept);
+        self.taken = (length + self.kept.len() as u64, hasher.finalize());
+        std::mem::take(&mut self.kept)
+    }
+}
+
 /// A summary section under construction: records grouped by opcode.
+#[derive(Default)]
 struct Groups {
     start: u64,
+    pieces: Vec<Piece>,
+    /// Length and CRC-32 of the pieces.
+    passed: u64,
+    crc: Hasher,
+    /// The piece being written.
     out: Vec<u8>,
     /// Opcode, place and length of each group.
     offsets: Vec<(u8, u64, u64)>,
@@ -103,23 +138,47 @@ struct Groups {
 
 impl Groups {
     fn here(&self) -> u64 {
-        self.start + self.out.len() as u64
+        self.start + self.passed + self.out.len() as u64
     }
 
     /// Adds a group; one without records leaves no trace.
     fn group(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>)) {
         let start = self.here();
         fill(&mut self.out);
+        self.note(opcode, start);
+    }
+
+    fn note(&mut self, opcode: u8, start: u64) {
         let length = self.here() - start;
         if length > 0 {
             self.offsets.push((opcode, start, length));
         }
     }
 
+    /// Adds the group of the chunk indexes, of which most may be elsewhere.
+    fn indexes(&mut self, indexes: &Indexes) {
+        let start = self.here();
+        let (length, crc) = indexes.taken;
+        if length > 0 {
+            self.flush();
+            self.pieces.push(Piece::Indexes(length));
+            self.passed += length;
+            self.crc.combine(&Hasher::new_with_initial_len(crc, length));
+        }
+        self.out.put(&indexes.kept);
+        self.note(op::CHUNK_INDEX, start);
+    }
+
+    fn flush(&mut self) {
+        self.crc.update(&self.out);
+        self.passed += self.out.len() as u64;
+        self.pieces.push(Piece::Bytes(std::mem::take(&mut self.out)));
+    }
+
     /// Adds the offsets of the groups, the footer and the magic.
-    fn close(mut self) -> Vec<u8> {
+    fn close(mut self) -> Vec<Piece> {
         let offsets_start = self.here();
-        for (opcode, start, length) in self.offsets {
+        for (opcode, start, length) in std::mem::take(&mut self.offsets) {
             record(&mut self.out, op::SUMMARY_OFFSET, |out| {
                 out.put(&[opcode]);
                 out.put_u64(start);
@@ -132,11 +191,11 @@ impl Groups {
             out.put_u32(0);
         });
         // The CRC covers the footer, too, up to the CRC itself, so it can only now be filled in.
-        let crc_at = self.out.len() - 4;
-        let crc = self.out.get(..crc_at).map(crc32fast::hash).unwrap_or_default();
-        self.out.truncate(crc_at);
-        self.out.put_u32(crc);
-        self.out.put(MAGIC);
-        self.out
+        self.out.truncate(self.out.len() - 4);
+        self.flush();
+        let mut end = self.crc.finalize().to_le_bytes().to_vec();
+        end.put(MAGIC);
+        self.pieces.push(Piece::Bytes(end));
+        self.pieces
     }
 }

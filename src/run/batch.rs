@@ -11,10 +11,11 @@ use super::findings::Findings;
 use super::learn::{Learned, Learner};
 use super::output::{Output, Written};
 use super::recording::{Recording, Watch};
+use super::spill::Spill;
 use crate::Error;
 use crate::config::Config;
 use crate::imu::Verdict;
-use crate::record::{Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
+use crate::record::{Block, Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
 
 /// How to annotate.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,9 +78,10 @@ pub fn annotate(
         Form::Annotated | Form::Sidecar => Output::open(path, options.force)?,
     };
     let abandon = AtomicBool::new(false);
+    let mut kept = Kept::beside(path);
     let (inventory, learned) = thread::scope(|scope| {
         let copying = (options.form == Form::Annotated).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
-        let learned = learn(recording, config, options.allow_no_imu, watch);
+        let learned = learn(recording, config, options.allow_no_imu, Some(&mut kept), watch);
         abandon.store(learned.is_err(), Ordering::Relaxed);
         let copied =
             copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
@@ -107,7 +109,7 @@ pub fn annotate(
 ///
 /// If the recording cannot be read or has no usable IMU topic.
 pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
-    let (inventory, learned) = learn(recording, config, false, watch)?;
+    let (inventory, learned) = learn(recording, config, false, None, watch)?;
     if let Some(original) = recording.original_within(&inventory)? {
         return calibrate(&original, config, watch);
     }
@@ -122,15 +124,51 @@ fn settings(config: &Config) -> BTreeMap<String, String> {
     ])
 }
 
+/// What is written behind the recording, until all of that has been read.
+struct Kept {
+    /// The annotations.
+    blocks: Spill,
+    /// The chunk indexes.
+    indexes: Spill,
+}
+
+impl Kept {
+    fn beside(output: &Path) -> Self {
+        Self { blocks: Spill::beside(output), indexes: Spill::beside(output) }
+    }
+}
+
+fn keep(blocks: &mut Spill, block: &Block) -> Result<(), Error> {
+    let mut bytes = Vec::new();
+    block.write(&mut bytes);
+    blocks.push_item(&bytes)
+}
+
+fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
+    Ok(blocks.next_item()?.and_then(|bytes| Block::read(&bytes)))
+}
+
+/// Learns from a recording; what is to be written is kept where there is a place for it.
 fn learn(
     recording: &Recording,
     config: &Config,
     allow_no_imu: bool,
+    kept: Option<&mut Kept>,
     watch: Watch<'_>,
 ) -> Result<(Inventory, Learned), Error> {
     let mut learner = Learner::new(config);
-    let inventory = recording.scan(watch, |event| learner.take(event))?;
-    let learned = learner.finish();
+    let (mut blocks, mut indexes) = kept.map(|kept| (&mut kept.blocks, &mut kept.indexes)).unzip();
+    let mut keep = |block: Block| blocks.as_mut().map_or(Ok(()), |blocks| keep(blocks, &block));
+    let inventory = recording.scan_for_fold(
+        watch,
+        |bytes| indexes.as_mut().map_or(Ok(()), |indexes| indexes.push(bytes)),
+        |event| {
+            learner.take(event);
+            learner.take_blocks().try_for_each(&mut keep)
+        },
+    )?;
+    let mut learned = learner.finish();
+    learned.blocks.drain(..).try_for_each(&mut keep)?;
     if learned.imus.is_empty() && !allow_no_imu {
         return Err(no_imu(recording.path(), &inventory, &learned.channels));
     }
@@ -143,6 +181,7 @@ fn write_annotated(
     inventory: Inventory,
     settings: &BTreeMap<String, String>,
     learned: &Learned,
+    mut kept: Kept,
     watch: Watch<'_>,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
@@ -154,11 +193,13 @@ fn write_annotated(
             piece => output.put(&piece, recording)?,
         }
     }
-    for block in &learned.blocks {
+    kept.blocks.rewind()?;
+    while let Some(block) = next_block(&mut kept.blocks)? {
         watch(recording.length())?;
-        output.put(&fold.block(&learned.topics, block).map_err(refused)?, recording)?;
+        output.put(&fold.block(&learned.topics, &block).map_err(refused)?, recording)?;
+        kept.indexes.push(&fold.take_indexes())?;
     }
-    output.put(&fold.close(), recording)
+    output.close(fold.close(), kept.indexes, recording)
 }
 
 fn write_sidecar(
@@ -167,15 +208,20 @@ fn write_sidecar(
     inventory: &Inventory,
     settings: &BTreeMap<String, String>,
     learned: &Learned,
+    mut kept: Kept,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
     let (mut sidecar, head) = Sidecar::open(inventory.profile(), settings);
     output.put(&Piece::Bytes(head), recording)?;
-    for block in &learned.blocks {
-        let bytes = sidecar.block(&learned.topics, block).map_err(refused)?;
+    kept.blocks.rewind()?;
+    // Those of the recording are of no use here.
+    let mut indexes = Spill::beside(recording.path());
+    while let Some(block) = next_block(&mut kept.blocks)? {
+        let bytes = sidecar.block(&learned.topics, &block).map_err(refused)?;
         output.put(&Piece::Bytes(bytes), recording)?;
+        indexes.push(&sidecar.take_indexes())?;
     }
-    output.put(&Piece::Bytes(sidecar.close()), recording)
+    output.close(sidecar.close(), indexes, recording)
 }
 
 /// What stands behind the prefix; a summary, mostly, but all that follows the damage in a damaged recording.

@@ -48,17 +48,20 @@ pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
     let mut intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
     let mut schemas = BTreeMap::new();
     let mut found = Vec::new();
-    let inventory = recording.scan(watch, |event| match event {
-        Event::Schema(schema) => {
-            schemas.insert(schema.id, schema.clone());
+    let inventory = recording.scan(watch, |event| {
+        match event {
+            Event::Schema(schema) => {
+                schemas.insert(schema.id, schema.clone());
+            }
+            Event::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id);
+                let verdict = intake.channel(channel, schema).clone();
+                let schema = schema.map(|schema| schema.name.clone()).unwrap_or_default();
+                found.push(Use { channel: channel.clone(), schema, verdict, messages: 0 });
+            }
+            _ => {}
         }
-        Event::Channel(channel) => {
-            let schema = schemas.get(&channel.schema_id);
-            let verdict = intake.channel(channel, schema).clone();
-            let schema = schema.map(|schema| schema.name.clone()).unwrap_or_default();
-            found.push(Use { channel: channel.clone(), schema, verdict, messages: 0 });
-        }
-        _ => {}
+        Ok(())
     })?;
     for used in &mut found {
         used.messages = inventory.messages(used.channel.id);

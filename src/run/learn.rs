@@ -55,6 +55,7 @@ pub(super) struct Learned {
     pub(super) damage: Vec<Damage>,
     pub(super) damages: u64,
     pub(super) topics: Vec<Topic>,
+    /// The last blocks, which nobody took.
     pub(super) blocks: Vec<Block>,
 }
 
@@ -108,6 +109,11 @@ impl<'a> Learner<'a> {
             }
             Event::Read { .. } | Event::Wait | Event::End => {}
         }
+    }
+
+    /// Hands over the blocks that were closed since the last time, so that they do not pile up.
+    pub(super) fn take_blocks(&mut self) -> impl Iterator<Item = Block> {
+        self.blocks.drain(..)
     }
 
     /// The recording has ended.

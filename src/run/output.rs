@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::in_place::{self, Access};
 use super::partial::Partial;
 use super::recording::Recording;
+use super::spill::Spill;
 use crate::Error;
 use crate::record::Piece;
 
@@ -114,6 +115,17 @@ impl Output {
         }
     }
 
+    /// Takes the last pieces, with what stands in the place of [`Piece::Indexes`].
+    pub(super) fn close(&mut self, pieces: Vec<Piece>, mut indexes: Spill, recording: &Recording) -> Result<(), Error> {
+        for piece in pieces {
+            match piece {
+                Piece::Indexes(_) => indexes.read(|bytes| self.put(&Piece::Bytes(bytes.to_vec()), recording))?,
+                piece => self.put(&piece, recording)?,
+            }
+        }
+        Ok(())
+    }
+
     /// The result is complete.
     pub(super) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
         match self.medium {
@@ -137,6 +149,8 @@ fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()>
     match piece {
         Piece::Original(range) => copy(recording, range.clone(), to),
         Piece::Bytes(bytes) => to.write_all(bytes),
+        // Comes as bytes from where it is kept.
+        Piece::Indexes(_) => Ok(()),
     }
 }
 
@@ -182,6 +196,7 @@ fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result
         file.read_exact_at(&mut found, at).is_ok() && found == bytes
     };
     match piece {
+        Piece::Indexes(_) => Ok(Some(at)),
         Piece::Bytes(bytes) => Ok(equal(at, bytes).then_some(at + bytes.len() as u64)),
         Piece::Original(range) => {
             let mut from = range.start;

@@ -25,29 +25,32 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
     let mut schemas = BTreeMap::new();
     let mut channels = BTreeMap::new();
     let mut imus = Vec::<Findings>::new();
-    recording.scan(watch, |event| match event {
-        Event::Schema(schema) => {
-            schemas.insert(schema.id, schema.name.clone());
-        }
-        Event::Channel(channel) => {
-            let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-            if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
-                channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
+    recording.scan(watch, |event| {
+        match event {
+            Event::Schema(schema) => {
+                schemas.insert(schema.id, schema.name.clone());
             }
-        }
-        Event::Message(message) => {
-            let Some((name, schema, encoding)) = channels.get(&message.channel) else { return };
-            // What cannot be read is not an annotation of this version, such as a corrected reading.
-            let Ok(said) = annotate::read(schema, encoding, message.data) else { return };
-            let known = imus.iter().position(|imu| imu.name == *name).unwrap_or_else(|| {
-                imus.push(Findings::new(name, name));
-                imus.len() - 1
-            });
-            if let Some(imu) = imus.get_mut(known) {
-                imu.note(&engine::Event { log_time: message.log_time, message: said });
+            Event::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
+                    channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
+                }
             }
+            Event::Message(message) => {
+                let Some((name, schema, encoding)) = channels.get(&message.channel) else { return Ok(()) };
+                // What cannot be read is not an annotation of this version, such as a corrected reading.
+                let Ok(said) = annotate::read(schema, encoding, message.data) else { return Ok(()) };
+                let known = imus.iter().position(|imu| imu.name == *name).unwrap_or_else(|| {
+                    imus.push(Findings::new(name, name));
+                    imus.len() - 1
+                });
+                if let Some(imu) = imus.get_mut(known) {
+                    imu.note(&engine::Event { log_time: message.log_time, message: said });
+                }
+            }
+            _ => {}
         }
-        _ => {}
+        Ok(())
     })?;
     for imu in &mut imus {
         let accelerometer = imu.calibration.as_ref().and_then(|calibration| calibration.accelerometer.as_ref());

@@ -84,7 +84,7 @@ impl Recording {
         let file = Self::open(path)?;
         let mut kind = file.recognise(|bytes| recognise(bytes, file.length()))?;
         if kind == Kind::Recording {
-            let inventory = file.scan(&|_| Ok(()), |_| {})?;
+            let inventory = file.scan(&|_| Ok(()), |_| Ok(()))?;
             kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
         }
         match kind {
@@ -181,8 +181,26 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// If it is not MCAP, if the system refuses, or what `watch` returns.
-    pub fn scan(&self, watch: Watch<'_>, mut each: impl FnMut(Event<'_>)) -> Result<Inventory, Error> {
+    /// If it is not MCAP, if the system refuses, or what `watch` or `each` returns.
+    pub fn scan(
+        &self,
+        watch: Watch<'_>,
+        each: impl FnMut(Event<'_>) -> Result<(), Error>,
+    ) -> Result<Inventory, Error> {
+        self.scan_for_fold(watch, |_| Ok(()), each)
+    }
+
+    /// The same, passing on the chunk indexes that a fold will want back.
+    ///
+    /// # Errors
+    ///
+    /// As [`scan`](Self::scan), and what `indexes` returns.
+    pub(super) fn scan_for_fold(
+        &self,
+        watch: Watch<'_>,
+        mut indexes: impl FnMut(&[u8]) -> Result<(), Error>,
+        mut each: impl FnMut(Event<'_>) -> Result<(), Error>,
+    ) -> Result<Inventory, Error> {
         let length = self.length();
         let mut scan = Scan::finished(length);
         loop {
@@ -192,9 +210,13 @@ impl Recording {
                     let ahead = (length - offset).min(wanted.max(READ) as u64) as usize;
                     self.read_exact_at(scan.insert(ahead), offset)?;
                     scan.notify_read(ahead);
+                    indexes(&scan.take_indexes())?;
                 }
-                Event::Wait | Event::End => return Ok(scan.into_inventory()),
-                event => each(event),
+                Event::Wait | Event::End => {
+                    indexes(&scan.take_indexes())?;
+                    return Ok(scan.into_inventory());
+                }
+                event => each(event)?,
             }
         }
     }

@@ -106,12 +106,21 @@ pub fn fold(file: &[u8], topics: &[Topic], blocks: &[Block]) -> Vec<u8> {
     let tail = Tail { length: behind.len() as u64, crc: crc32fast::hash(behind) };
     let (mut fold, mut pieces) = Fold::open(inventory, tail, &settings(), topics).unwrap();
     pieces.extend(blocks.iter().map(|block| fold.block(topics, block).unwrap()));
-    pieces.push(fold.close());
+    pieces.extend(fold.close());
+    put(pieces, file, &[])
+}
+
+/// What pieces of a recording come to, with the chunk indexes that were taken.
+pub fn put(pieces: Vec<Piece>, file: &[u8], indexes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     for piece in pieces {
         match piece {
             Piece::Original(range) => out.extend_from_slice(&file[range.start as usize..range.end as usize]),
             Piece::Bytes(bytes) => out.extend(bytes),
+            Piece::Indexes(length) => {
+                assert_eq!(length as usize, indexes.len());
+                out.extend_from_slice(indexes);
+            }
         }
     }
     out

@@ -4,9 +4,9 @@ use mcap::read::{ChunkFlattener, Options, Summary};
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use proptest::prelude::*;
-use stillpoint::record::{Block, Error, Fold, Sidecar, Tail, Topic};
+use stillpoint::record::{Annotation, Block, Error, Event, Fold, Piece, Scan, Sidecar, Tail, Topic};
 
-use crate::drive::{Told, blocks, fold, messages, scan, settings, topics};
+use crate::drive::{Told, blocks, fold, messages, put, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, recipes, shared};
 use crate::records::{channel, chunk, message, record, recording, schema};
 
@@ -39,6 +39,51 @@ proptest! {
         prop_assert_eq!(before.len() + 5, after.len());
         prop_assert_eq!(&before[..], &after[..before.len()]);
         prop_assert!(Summary::read(&out).unwrap().is_some());
+    }
+}
+
+proptest! {
+    #[test]
+    fn where_chunk_indexes_are_kept_makes_no_difference(file in mistreated(), now_and_then in any::<u8>()) {
+        let mut scan = Scan::finished(file.len() as u64);
+        let mut indexes = Vec::new();
+        for n in 0.. {
+            match scan.next_event().unwrap() {
+                Event::Read { offset, length } => {
+                    scan.insert(length).copy_from_slice(&file[offset as usize..offset as usize + length]);
+                    scan.notify_read(length);
+                }
+                Event::End => break,
+                _ => {}
+            }
+            if now_and_then >> (n % 8) & 1 == 1 {
+                indexes.extend(scan.take_indexes());
+            }
+        }
+        let inventory = scan.into_inventory();
+        let behind = &file[inventory.prefix() as usize..];
+        let tail = Tail { length: behind.len() as u64, crc: crc32fast::hash(behind) };
+        let (mut fold, mut pieces) = Fold::open(inventory, tail, &settings(), &topics()).unwrap();
+        for block in blocks() {
+            pieces.push(fold.block(&topics(), &block).unwrap());
+            indexes.extend(fold.take_indexes());
+        }
+        pieces.extend(fold.close());
+        // Beside messages outside chunks, nothing is indexed.
+        let wanted = pieces.iter().any(|piece| matches!(piece, Piece::Indexes(_)));
+        let out = put(pieces, &file, if wanted { &indexes } else { &[] });
+        prop_assert_eq!(out, crate::drive::fold(&file, &topics(), &blocks()));
+    }
+
+    #[test]
+    fn a_block_that_was_kept_elsewhere_is_the_same(parts in prop::collection::vec((0_usize..9, any::<u32>(), any::<u64>(), prop::collection::vec(any::<u8>(), 0..50)), 0..9)) {
+        let annotations = parts.into_iter().map(|(topic, sequence, log_time, data)| Annotation { topic, sequence, log_time, data });
+        let block = Block { annotations: annotations.collect() };
+        let mut bytes = Vec::new();
+        block.write(&mut bytes);
+        prop_assert_eq!(Block::read(&bytes), Some(block.clone()));
+        bytes.pop();
+        prop_assert!(block.annotations.is_empty() || Block::read(&bytes).is_none());
     }
 }
 
@@ -88,7 +133,7 @@ fn a_sidecar_is_a_recording_of_its_own() {
     for block in blocks() {
         out.extend(sidecar.block(&topics(), &block).unwrap());
     }
-    out.extend(sidecar.close());
+    out.extend(put(sidecar.close(), &[], &[]));
     read_with_all_crcs(&out);
     let (told, inventory) = scan(&out);
     assert_eq!((inventory.profile(), inventory.damage(), messages(&told).len()), ("ros2", 0, 5));
