@@ -21,7 +21,7 @@ pub(super) struct Summary {
     pub(super) counts: BTreeMap<u16, u64>,
     /// First and last log time.
     pub(super) span: Option<(u64, u64)>,
-    chunks: u32,
+    pub(super) chunks: u32,
     indexes: Indexes,
     /// Where the last chunk with messages of a channel is, by its message indexes.
     pub(super) last_chunks: BTreeMap<u16, u64>,
@@ -52,11 +52,6 @@ impl Summary {
         for &channel in chunk.message_indexes.keys() {
             self.last_chunks.insert(channel, chunk.offset);
         }
-    }
-
-    /// Whether there are any chunks.
-    pub(super) fn has_chunks(&self) -> bool {
-        self.chunks > 0
     }
 
     /// Hands over the indexes noted since the last time.

@@ -94,9 +94,9 @@ pub fn annotate(
     }
     let report = Report::new(&inventory, &learned);
     let result = match options.form {
-        Form::Sidecar => write_sidecar(&mut output, recording, &inventory, &settings, &learned),
+        Form::Sidecar => write_sidecar(&mut output, recording, &inventory, &settings, &learned, kept),
         Form::Annotated | Form::InPlace => {
-            write_annotated(&mut output, recording, inventory, &settings, &learned, watch)
+            write_annotated(&mut output, recording, inventory, &settings, &learned, kept, watch)
         }
     };
     result?;

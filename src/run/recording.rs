@@ -182,11 +182,7 @@ impl Recording {
     /// # Errors
     ///
     /// If it is not MCAP, if the system refuses, or what `watch` or `each` returns.
-    pub fn scan(
-        &self,
-        watch: Watch<'_>,
-        each: impl FnMut(Event<'_>) -> Result<(), Error>,
-    ) -> Result<Inventory, Error> {
+    pub fn scan(&self, watch: Watch<'_>, each: impl FnMut(Event<'_>) -> Result<(), Error>) -> Result<Inventory, Error> {
         self.scan_for_fold(watch, |_| Ok(()), each)
     }
 

@@ -114,7 +114,11 @@ mod tests {
             let mut bytes = Spill::beside(&folder.path().join("out.mcap"));
             given.iter().for_each(|item| bytes.push(item).unwrap());
             let mut back = Vec::new();
-            bytes.read(|piece| Ok(back.extend_from_slice(piece))).unwrap();
+            let collect = |piece: &[u8]| {
+                back.extend_from_slice(piece);
+                Ok(())
+            };
+            bytes.read(collect).unwrap();
             assert!(back == given.concat());
         }
     }

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use stillpoint::record::{Kind, Original, Sidecar, recognise, recognise_scanned};
 
-use crate::drive::{blocks, fold, scan, settings, topics};
+use crate::drive::{blocks, fold, put, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, shared};
 
 proptest! {
@@ -98,7 +98,7 @@ fn what_was_added_behind_the_annotations_is_noticed() {
 fn a_sidecar_is_known_as_such() {
     let (mut sidecar, mut out) = Sidecar::open("ros2", &settings());
     out.extend(sidecar.block(&topics(), &blocks()[0]).unwrap());
-    out.extend(sidecar.close());
+    out.extend(put(sidecar.close(), &[], &[]));
     let kind = recognise(&mut &out[..], out.len() as u64).unwrap();
     assert_eq!(kind, Kind::Sidecar { settings: settings() });
 }
