@@ -11,6 +11,7 @@ mod inventory;
 mod own;
 mod records;
 mod scan;
+mod shape;
 mod sidecar;
 mod summary;
 mod survey;

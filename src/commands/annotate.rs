@@ -107,7 +107,10 @@ fn code(args: &cli::Annotate, report: &Report) -> Code {
 }
 
 fn result(input: &Path, output: &Path, report: &Report) -> serde_json::Value {
-    let damage = report.damage.iter().map(|damage| json!({"offset": damage.offset, "what": damage.what}));
+    let damage = report
+        .damage
+        .iter()
+        .map(|damage| json!({"offset": damage.offset, "bytes": damage.length, "what": damage.what}));
     json!({
         "input": input,
         "output": output,

@@ -11,6 +11,11 @@ use super::records::ChunkHeader;
 /// writes, and little enough that a corrupt length does not exhaust a machine.
 pub(super) const LIMIT: u64 = 1 << 30;
 
+/// Whether chunks of this compression can be opened.
+pub(super) fn knows(compression: &str) -> bool {
+    matches!(compression, "" | "zstd" | "lz4")
+}
+
 /// Decompresses chunks, one after the other, into one buffer.
 #[derive(Default)]
 pub(super) struct Inflate {

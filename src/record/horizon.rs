@@ -138,6 +138,23 @@ impl Horizon {
         };
     }
 
+    /// Goes to another place.
+    pub(super) fn seek(&mut self, offset: u64) {
+        match offset.checked_sub(self.offset) {
+            Some(ahead) => self.skip(ahead),
+            None => {
+                self.forget();
+                self.offset = offset;
+            }
+        }
+    }
+
+    /// What is here does not make sense yet. It is forgotten, since it may be written again.
+    pub(super) fn wait(&mut self) -> Stop {
+        self.forget();
+        Stop::Wait
+    }
+
     fn want(&self, length: usize) -> Stop {
         let left = self.extent.length.saturating_sub(self.offset);
         if length as u64 <= left {
@@ -154,8 +171,12 @@ impl Horizon {
 
     fn forget_if_waiting(&mut self, stop: Stop) -> Stop {
         if stop == Stop::Wait {
-            (self.start, self.end) = (0, 0);
+            self.forget();
         }
         stop
+    }
+
+    fn forget(&mut self) {
+        (self.start, self.end) = (0, 0);
     }
 }

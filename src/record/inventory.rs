@@ -125,12 +125,17 @@ impl Inventory {
 
     /// Notes the messages that a survey found.
     pub(super) fn count(&mut self, survey: &Survey) {
-        for &(channel, count) in &survey.counts {
-            self.summary.count(channel, count);
+        for (&channel, tally) in &survey.tallies {
+            self.summary.count(channel, tally.count);
         }
         if let Some(span) = survey.span {
             self.summary.cover(span);
         }
+    }
+
+    /// Whether messages stand in chunks, as far as has been seen.
+    pub(super) fn has_chunks(&self) -> bool {
+        self.summary.chunks > 0
     }
 
     pub(super) fn learn_schema(&mut self, schema: Schema) -> Learned {

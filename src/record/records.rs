@@ -181,6 +181,18 @@ impl ChunkIndex {
     }
 }
 
+/// Reads the index of one channel's messages in a chunk: log times, and offsets into the uncompressed records.
+pub(super) fn parse_message_index(body: &[u8]) -> Option<(u16, impl Iterator<Item = (u64, u64)>)> {
+    let mut fields = Fields(body);
+    let (channel, entries) = (fields.u16()?, fields.blob()?);
+    let (entries, rest) = entries.as_chunks::<16>();
+    let entry = |entry: &[u8; 16]| {
+        let mut fields = Fields(entry);
+        (fields.u64().unwrap_or_default(), fields.u64().unwrap_or_default())
+    };
+    rest.is_empty().then(|| (channel, entries.iter().map(entry)))
+}
+
 /// Appends the index of one channel's messages in a chunk: log times, and offsets into the uncompressed records.
 pub(super) fn write_message_index(out: &mut Vec<u8>, channel: u16, entries: &[(u64, u64)]) {
     record(out, op::MESSAGE_INDEX, |out| {

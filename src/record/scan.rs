@@ -1,27 +1,34 @@
 //! A recording's bytes in, its messages out: a state machine that asks for bytes and never waits for them.
 //! What the messages mean is left to [`imu`](crate::imu), reading files and waiting for more to the shell.
 
+mod bounds;
 mod data_section;
+mod guide;
+mod search;
 mod summary_section;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::ops::Range;
 
 use mcap::MAGIC;
 
-use self::data_section::{Attaching, Telling};
+use self::bounds::Bounds;
+use self::data_section::{Attaching, OpenChunk, Telling};
+use self::guide::{Asking, Guide};
+use self::search::Search;
 use self::summary_section::SummarySection;
 use super::chunk::Inflate;
 use super::horizon::{Extent, Frame, Horizon, Stop};
-use super::records::ChunkIndex;
+use super::shape::Measure;
 use super::wire::{FRAME, op};
 use super::{Channel, Error, Inventory, Message, Schema};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
 ///
 /// A record counts only if it is whole and its CRC holds; the messages of a chunk come out only if all of the chunk is
-/// in order. The events are a function of the recording's bytes alone, not of the pieces in which they arrive.
+/// in order. Where the framing is lost, reading resumes at the next whole record, in a recording that still grows once
+/// it is finished. The events are a function of the recording's bytes alone, not of the pieces in which they arrive.
 ///
 /// ```
 /// # fn read(file: &[u8]) -> Result<u64, stillpoint::record::Error> {
@@ -53,7 +60,17 @@ pub struct Scan {
     /// To be told before going on.
     queue: VecDeque<Step>,
     /// The chunk whose message indexes are being collected.
-    chunk: Option<ChunkIndex>,
+    chunk: Option<OpenChunk>,
+    /// Message indexes that follow belong to a chunk that does not count.
+    orphans: bool,
+    /// Length of the last and of the longest message outside chunks, by channel.
+    lengths: BTreeMap<u16, (u64, u64)>,
+    /// Where a record begins whose length is not to be doubted.
+    trusted: Option<u64>,
+    /// What the last search came to: from where, and what it found.
+    found: Option<(u64, Option<u64>)>,
+    /// What the summary says, once it was asked.
+    guide: Option<Guide>,
     /// What the summary section says, until its CRC is known.
     summary: SummarySection,
 }
@@ -96,13 +113,19 @@ pub enum Event<'a> {
 pub struct Damage {
     /// Byte in the recording.
     pub offset: u64,
+    /// So many bytes from there on are not used.
+    pub length: u64,
     /// What was found there, in words.
     pub what: String,
 }
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "at byte {}: {}", self.offset, self.what)
+        write!(f, "at byte {}: {}", self.offset, self.what)?;
+        match self.length {
+            0 => Ok(()),
+            length => write!(f, "; {length} bytes are not used"),
+        }
     }
 }
 
@@ -126,6 +149,8 @@ enum Stage {
     Record,
     Telling(Telling),
     Attaching(Attaching),
+    Asking(Box<Asking>),
+    Searching(Search),
     EndMagic,
     Done,
 }
@@ -228,17 +253,17 @@ impl Scan {
                     }
                     Err(stop) => Err(stop),
                 },
+                Stage::Asking(_) => self.answer(),
+                Stage::Searching(_) => self.search(),
                 Stage::EndMagic => self.end_magic(),
                 Stage::Done => return Ok(Step::End),
             };
             match done {
                 Ok(()) => {}
                 Err(stop @ (Stop::Read { .. } | Stop::Wait)) => return Ok(Step::Stop(stop)),
-                Err(Stop::End) => self.lost("the recording ends without a footer: its recorder never finished it"),
-                Err(Stop::Cut { claimed: u64::MAX }) => self.lost("the recording ends in a chunk that was never closed"),
-                Err(Stop::Cut { claimed }) => self.lost(format!(
-                    "a record of {claimed} bytes runs past the end of the recording: it was cut off, or the length is corrupt"
-                )),
+                Err(Stop::End | Stop::Cut { .. }) => {
+                    self.end("the recording ends without a footer: its recorder never finished it")
+                }
             }
         }
     }
@@ -265,18 +290,54 @@ impl Scan {
     }
 
     fn record(&mut self) -> Result<(), Stop> {
-        let frame = self.horizon.frame()?;
+        let frame = match self.horizon.frame() {
+            Err(Stop::Cut { claimed }) if !self.summary.begun => return self.cut(claimed),
+            frame => frame?,
+        };
+        let bounds = self.bounds(frame)?;
+        if self.is_index_in_disguise(frame)? {
+            self.reject(frame, "a message index whose opcode is wrong");
+            self.pass(frame);
+            return Ok(());
+        }
         if frame.opcode != op::MESSAGE_INDEX {
             self.close_chunk();
         }
-        if frame.opcode == 0 {
-            self.lost("no record begins here: the framing is lost");
-            Ok(())
-        } else if self.summary.begun {
-            self.summary_record(frame)
-        } else {
-            self.data_record(frame)
+        match bounds {
+            Bounds::Sound if self.summary.begun => self.summary_record(frame),
+            Bounds::Sound => self.data_record(frame),
+            Bounds::Ends(next) => {
+                self.orphans = true;
+                self.damage(
+                    frame.offset,
+                    next - frame.offset,
+                    format!("a record of opcode {} whose length is wrong", frame.opcode),
+                );
+                self.horizon.seek(next);
+                Ok(())
+            }
+            Bounds::Lost(search) => self.lose(search, frame.opcode),
         }
+    }
+
+    /// A record runs past the end of the recording: it was cut off, or its length is corrupt.
+    fn cut(&mut self, claimed: u64) -> Result<(), Stop> {
+        let Ok(head) = self.horizon.peek(FRAME) else {
+            self.end("the recording ends in the midst of a record: it was cut off");
+            return Ok(());
+        };
+        let frame =
+            Frame { offset: self.horizon.offset(), opcode: head.first().copied().unwrap_or_default(), length: claimed };
+        let content = self.measured(frame, u64::MAX)?;
+        let left = self.horizon.extent().length - frame.offset - FRAME as u64;
+        match (frame.opcode, content) {
+            (op::CHUNK, _) if claimed == u64::MAX => self.end("the recording ends in a chunk that was never closed"),
+            // Both lengths agree, and what is left of the record is none of our business.
+            (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
+            (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
+            (opcode, content) => return self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
+        }
+        Ok(())
     }
 
     /// Goes on behind a record; all that is whole in front of DataEnd is prefix.
@@ -288,19 +349,29 @@ impl Scan {
         self.stage = Stage::Record;
     }
 
-    fn damage(&mut self, offset: u64, what: impl Into<String>) {
+    fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
         self.inventory.damage += 1;
-        self.queue.push_back(Step::Damage(Damage { offset, what: what.into() }));
+        self.queue.push_back(Step::Damage(Damage { offset, length, what: what.into() }));
+    }
+
+    /// A record is damaged, but its framing is sound.
+    fn reject(&mut self, frame: Frame, what: impl Into<String>) {
+        self.damage(frame.offset, frame.end() - frame.offset, what);
     }
 
     /// Nothing can be read from here on.
-    fn lost(&mut self, what: impl Into<String>) {
+    fn end(&mut self, what: impl Into<String>) {
         self.close_chunk();
         self.accept_summary();
-        self.damage(self.horizon.offset(), what);
+        let offset = self.horizon.offset();
+        self.damage(offset, self.horizon.extent().length.saturating_sub(offset), what);
         self.queue.push_back(Step::End);
         self.stage = Stage::Done;
     }
+}
+
+fn cut_off(claimed: u64) -> String {
+    format!("a record of {claimed} bytes runs past the end of the recording: it was cut off, or the length is corrupt")
 }
 
 /// The part of what `horizon` has buffered.

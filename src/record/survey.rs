@@ -1,6 +1,8 @@
 //! One look over the records of a chunk, before any of them counts: is each whole, and what do they define?
 //! Keeping the answer is left to [`Inventory`](super::Inventory).
 
+use std::collections::BTreeMap;
+
 use super::wire::{Fields, op};
 use super::{Channel, Message, Schema};
 
@@ -9,10 +11,30 @@ use super::{Channel, Message, Schema};
 pub(super) struct Survey {
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
-    /// Channels and numbers of messages.
-    pub(super) counts: Vec<(u16, u64)>,
+    /// The messages, by channel.
+    pub(super) tallies: BTreeMap<u16, Tally>,
     /// First and last log time.
     pub(super) span: Option<(u64, u64)>,
+}
+
+/// Messages of one channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Tally {
+    pub(super) count: u64,
+    /// Of their log times and places, whatever their order.
+    digest: u64,
+}
+
+impl Tally {
+    /// Takes in a message by its log time and its offset in the chunk's records.
+    pub(super) fn add(&mut self, log_time: u64, offset: u64) {
+        self.count += 1;
+        // SplitMix64's finaliser (Steele et al. 2014), so that what differs in any bit does not add up to the same.
+        let mut mixed = log_time ^ offset.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        self.digest = self.digest.wrapping_add(mixed ^ (mixed >> 31));
+    }
 }
 
 impl Survey {
@@ -21,9 +43,12 @@ impl Survey {
         let mut survey = Self::default();
         let mut fields = Fields(records);
         while !fields.0.is_empty() {
+            let offset = (records.len() - fields.0.len()) as u64;
             let (opcode, body) = fields.record().ok_or("a record that runs past the end of its chunk")?;
             match opcode {
-                op::MESSAGE => survey.message(&Message::parse(body).ok_or("a message record of less than 22 bytes")?),
+                op::MESSAGE => {
+                    survey.message(&Message::parse(body).ok_or("a message record of less than 22 bytes")?, offset);
+                }
                 op::SCHEMA => survey.schemas.push(Schema::parse(body).ok_or("a malformed schema record")?),
                 op::CHANNEL => survey.channels.push(Channel::parse(body).ok_or("a malformed channel record")?),
                 _ => {}
@@ -32,12 +57,8 @@ impl Survey {
         Ok(survey)
     }
 
-    fn message(&mut self, message: &Message<'_>) {
-        // Neighbours mostly share a channel, and chunks have few.
-        match self.counts.iter_mut().rev().find(|(channel, _)| *channel == message.channel) {
-            Some((_, count)) => *count += 1,
-            None => self.counts.push((message.channel, 1)),
-        }
+    fn message(&mut self, message: &Message<'_>, offset: u64) {
+        self.tallies.entry(message.channel).or_default().add(message.log_time, offset);
         let (start, end) = self.span.unwrap_or((u64::MAX, 0));
         self.span = Some((start.min(message.log_time), end.max(message.log_time)));
     }

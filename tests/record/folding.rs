@@ -36,8 +36,10 @@ proptest! {
         prop_assert!(inventory.is_finished());
         let (original, _) = scan(&file);
         let (before, after) = (messages(&original), messages(&told));
-        prop_assert_eq!(before.len() + 5, after.len());
-        prop_assert_eq!(&before[..], &after[..before.len()]);
+        // Of channels whose records are lost, more messages may be told once the summary names the channels.
+        let mut rest = after[..after.len() - 5].iter();
+        prop_assert!(before.iter().all(|message| rest.any(|told| told == message)));
+        prop_assert!(before.len() + 5 == after.len() || original_lacks_channels(&file));
         prop_assert!(Summary::read(&out).unwrap().is_some());
     }
 }
@@ -139,6 +141,13 @@ fn a_sidecar_is_a_recording_of_its_own() {
     assert_eq!((inventory.profile(), inventory.damage(), messages(&told).len()), ("ros2", 0, 5));
     assert_eq!(inventory.channels().keys().copied().collect::<Vec<u16>>(), [1, 2, 3]);
     assert_eq!(Summary::read(&out).unwrap().unwrap().chunk_indexes.len(), 2);
+}
+
+/// Whether messages stand in a recording whose channels are not known.
+fn original_lacks_channels(file: &[u8]) -> bool {
+    let defined = |event: &Told| if let Told::Channel(channel) = event { Some(channel.id) } else { None };
+    let defined: Vec<u16> = scan(file).0.iter().filter_map(defined).collect();
+    defined.len() < 3
 }
 
 /// Reads every record with the `mcap` crate, all CRCs on.

@@ -1,6 +1,7 @@
 //! Recordings are scanned for all that is whole in them, and annotated without losing a byte.
 #![allow(clippy::unwrap_used)]
 
+mod damage;
 mod drive;
 mod folding;
 mod recognising;

@@ -127,18 +127,27 @@ pub fn recipes() -> impl Strategy<Value = Recipe> {
         })
 }
 
-/// A recording that may be cut off, and may have one wrong byte. Its magic is in order.
+/// A recording that may be cut off, and may have wrong bytes and lost sectors. Its magic is in order.
 pub fn mistreated() -> impl Strategy<Value = Vec<u8>> {
     let cut = prop::option::of(any::<prop::sample::Index>());
-    let corruption = prop::option::of((any::<prop::sample::Index>(), 1_u8..));
-    (recipes(), cut, corruption).prop_map(|(recipe, cut, corruption)| {
+    let corruptions = prop::collection::vec((any::<prop::sample::Index>(), 1_u8..), 0..3);
+    let sector = prop::option::weighted(0.2, (any::<prop::sample::Index>(), 1_usize..300));
+    (recipes(), cut, corruptions, sector).prop_map(|(recipe, cut, corruptions, sector)| {
         let mut file = recipe.write();
         if let Some(cut) = cut {
             file.truncate(8 + cut.index(file.len() - 7));
         }
-        if let Some((place, flip)) = corruption.filter(|_| file.len() > 8) {
-            let place = 8 + place.index(file.len() - 8);
-            file[place] ^= flip;
+        let behind = &mut file[8..];
+        if behind.is_empty() {
+            return file;
+        }
+        for (place, flip) in corruptions {
+            behind[place.index(behind.len())] ^= flip;
+        }
+        if let Some((place, length)) = sector {
+            let start = place.index(behind.len());
+            let end = behind.len().min(start + length);
+            behind[start..end].fill(0);
         }
         file
     })

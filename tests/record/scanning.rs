@@ -5,7 +5,7 @@ use stillpoint::record::{Error, Event, Scan};
 
 use crate::drive::{Told, follow, messages, scan};
 use crate::recordings::{Recipe, mistreated, shared};
-use crate::records::{attachment, channel, chunk, message, record, recording, schema};
+use crate::records::{attachment, channel, chunk, message, record, recording, schema, text};
 
 proptest! {
     #[test]
@@ -107,10 +107,13 @@ fn a_chunk_that_is_still_open_is_read_once_it_is_closed() {
 }
 
 #[test]
-fn channels_that_only_the_summary_knows_are_told_at_the_end() {
+fn channels_that_only_the_summary_knows_are_told_before_their_messages() {
     let file = recording(&[chunk(&message(7, 5))], &[schema(3), channel(7, 3)]);
     let (told, inventory) = scan(&file);
-    assert!(matches!(&told[..], [.., Told::ChunkEnd, Told::Schema(_), Told::Channel(_)]), "{told:?}");
+    assert!(
+        matches!(&told[1..], [Told::Schema(_), Told::Channel(_), Told::Message { .. }, Told::ChunkEnd]),
+        "{told:?}"
+    );
     assert_eq!((inventory.damage(), inventory.messages(7)), (0, 1));
 }
 
@@ -132,7 +135,8 @@ fn a_wrong_attachment_is_damage_and_is_not_held_in_memory() {
             _ => {}
         }
     }
-    assert_eq!(damages, ["at byte 32: attachment `map`: its CRC does not hold"]);
+    let what = "at byte 32: attachment `map`: its CRC does not hold; 1048624 bytes are not used";
+    assert_eq!(damages, [what]);
     assert_eq!(scan.inventory().span(), Some((5, 5)));
 }
 
@@ -170,4 +174,90 @@ fn a_file_that_was_only_allocated_behind_its_last_record_ends_there() {
     file.resize(file.len() + 4096, 0);
     let (told, inventory) = scan(&file);
     assert_eq!((inventory.prefix(), inventory.damage()), (whole, 1), "{told:?}");
+}
+
+#[test]
+fn reading_resumes_behind_garbage_and_the_damage_is_located() {
+    let garbage = vec![0; 100];
+    let before = recording(&[channel(1, 0), chunk(&message(1, 5))], &[]).len() - 8 - 29 - 13;
+    let file = recording(&[channel(1, 0), chunk(&message(1, 5)), garbage, chunk(&message(1, 6))], &[]);
+    let (told, inventory) = scan(&file);
+    let damages: Vec<_> =
+        told.iter().filter_map(|event| if let Told::Damage(d) = event { Some(d) } else { None }).collect();
+    assert_eq!(damages.len(), 1, "{told:?}");
+    assert_eq!((damages[0].offset, damages[0].length), (before as u64, 100));
+    assert_eq!((inventory.span(), inventory.is_finished()), (Some((5, 6)), true));
+    assert_eq!(inventory.prefix(), file.len() as u64 - 8 - 29 - 13);
+}
+
+#[test]
+fn nothing_is_read_inside_an_attachment_whose_head_is_damaged() {
+    let inner = recording(&[channel(9, 0), message(9, 1), message(9, 2)], &[]);
+    let data = [channel(1, 0), message(1, 5), attachment("inner.mcap", &inner, 0), message(1, 6)];
+    let whole = recording(&data, &[]);
+    let at = whole.windows(10).position(|bytes| bytes == b"inner.mcap").unwrap() - 4 - 16 - 9;
+    // By the length in its head.
+    for (place, wrong) in [(at + 1, 7), (at + 2, 3), (at + 9 + 16 + 14 + 4, 99)] {
+        let mut file = whole.clone();
+        file[place] ^= wrong;
+        assert_eq!(times(&file), [5, 6], "byte {place}");
+    }
+    // By the summary, although nothing is left of its head.
+    let index = [&(at as u64).to_le_bytes()[..], &(39 + 14 + inner.len() as u64).to_le_bytes()].concat();
+    let index = record(0x0A, &[&index[..], &[0; 24], &text("inner.mcap"), &text("")].concat());
+    let mut file = recording(&data, &[index]);
+    file[at..at + 30].fill(0);
+    assert_eq!(times(&file), [5, 6]);
+}
+
+#[test]
+fn the_search_goes_by_the_index_of_the_summary() {
+    let file =
+        Recipe { messages: (0..90).map(|n| (n % 3, 10 * u64::from(n), 50)).collect(), ..Recipe::plain() }.write();
+    let first = file.windows(9).position(|bytes| bytes[0] == 6 && bytes[3..] == [0; 6]).unwrap();
+    let mut damaged = file.clone();
+    damaged[first..first + 40].fill(0xAA);
+    let (told, inventory) = scan(&damaged);
+    let all = scan(&file).0;
+    let (all, some) = (messages(&all), messages(&told));
+    assert!(all.len() - some.len() < 10, "{} of {}", some.len(), all.len());
+    assert_eq!(all[all.len() - some.len()..], some);
+    // The channels stood in the chunk that is lost.
+    assert_eq!((inventory.channels().len(), inventory.damage()), (3, 1));
+    let known = told.iter().position(|event| matches!(event, Told::Channel(_)));
+    assert!(known < told.iter().position(|event| matches!(event, Told::Message { .. })));
+}
+
+#[test]
+fn what_looks_like_records_without_end_is_passed_over_in_linear_time() {
+    // Heads of chunks and messages, each of which claims a megabyte or all the rest.
+    for (opcode, claims) in [(6, 1 << 20), (5, 1 << 20), (5, 200), (9, 1 << 22), (0x0C, 1 << 16), (3, 5000)] {
+        let mut file = recording(&[channel(1, 0), message(1, 5)], &[]);
+        file.truncate(file.len() - 8 - 29 - 13);
+        let mut head = record(opcode, &[7; 31]);
+        head[1..9].copy_from_slice(&u64::to_le_bytes(claims));
+        (0..100_000).for_each(|_| file.extend_from_slice(&head));
+        let mut scan = Scan::finished(file.len() as u64);
+        let mut read = 0;
+        loop {
+            match scan.next_event().unwrap() {
+                Event::Read { offset, length } => {
+                    assert!(length <= 1 << 25, "{length} bytes asked for");
+                    let length = length.max(1 << 20).min(file.len() - offset as usize);
+                    scan.insert(length).copy_from_slice(&file[offset as usize..][..length]);
+                    scan.notify_read(length);
+                    read += length;
+                }
+                Event::End => break,
+                _ => {}
+            }
+        }
+        assert!(read < 8 * file.len(), "opcode {opcode}: {read} bytes read of {}", file.len());
+    }
+}
+
+/// Log times of the messages that are told.
+fn times(file: &[u8]) -> Vec<u64> {
+    let log_time = |event: Told| if let Told::Message { log_time, .. } = event { Some(log_time) } else { None };
+    scan(file).0.into_iter().filter_map(log_time).collect()
 }

@@ -1,19 +1,25 @@
 //! The records in front of DataEnd: chunks, messages, attachments, metadata.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crc32fast::Hasher;
 
+use super::search::HEAD;
 use super::{Scan, Stage, Step, within};
+use crate::record::Message;
 use crate::record::chunk::{LIMIT, Place};
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::inventory::Learned;
-use crate::record::records::{AttachmentIndex, ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_metadata};
-use crate::record::survey::Survey;
+use crate::record::records::{
+    AttachmentIndex, ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_message_index, parse_metadata,
+};
+use crate::record::shape::{Measure, measure};
+use crate::record::survey::{Survey, Tally};
 use crate::record::wire::{FRAME, Fields, op};
 
-/// Most bytes that the head of a chunk or attachment may take: times, sizes and two names.
-const HEAD: u64 = 1 << 16;
+/// How far the log time of a message outside the chunks may lie from theirs, in nanoseconds (a day).
+const DAY: u64 = 86_400_000_000_000;
 
 /// Records in order, from which messages are told.
 pub(super) struct Telling {
@@ -25,6 +31,29 @@ pub(super) struct Telling {
     pub(super) at: Range<usize>,
     /// Whether the end of a chunk is to be told.
     pub(super) ends: bool,
+}
+
+/// A chunk whose message indexes may follow.
+pub(super) struct OpenChunk {
+    index: ChunkIndex,
+    /// Its messages, by channel.
+    tallies: BTreeMap<u16, Tally>,
+}
+
+impl OpenChunk {
+    /// The channel that a message index is about, and whether it says of its messages what is true.
+    fn agrees(&self, body: &[u8]) -> Option<u16> {
+        let (channel, entries) = parse_message_index(body)?;
+        let mut told = Tally::default();
+        entries.for_each(|(log_time, offset)| told.add(log_time, offset));
+        (self.tallies.get(&channel).copied().unwrap_or_default() == told).then_some(channel)
+    }
+
+    /// Whether a record has no other content than the index of some of its messages.
+    fn is_indexed_by(&self, body: &[u8]) -> bool {
+        measure(op::MESSAGE_INDEX, body) == Measure::Says(body.len() as u64)
+            && self.agrees(body).is_some_and(|channel| self.tallies.contains_key(&channel))
+    }
 }
 
 impl Telling {
@@ -68,13 +97,16 @@ impl Attaching {
 
 impl Scan {
     pub(super) fn data_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        if frame.opcode != op::MESSAGE_INDEX {
+            self.orphans = false;
+        }
         match frame.opcode {
             op::CHUNK => return self.chunk_record(frame),
             op::ATTACHMENT => return self.attachment_record(frame),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::MESSAGE_INDEX | op::METADATA
                 if frame.length > LIMIT =>
             {
-                self.damage(frame.offset, format!("a record of {} bytes", frame.length));
+                self.reject(frame, format!("a record of {} bytes", frame.length));
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE => return self.loose_record(frame),
             op::HEADER => self.header_record(frame)?,
@@ -85,14 +117,36 @@ impl Scan {
                 self.summary.begun = true;
             }
             op::FOOTER => {
-                self.damage(frame.offset, "a footer, but the end of the data was not marked");
+                self.damage(frame.offset, 0, "a footer, but the end of the data was not marked");
                 self.summary.begun = true;
                 return self.summary_record(frame);
             }
-            _ => {}
+            // Records of private opcodes are none of our business.
+            0x80.. => {}
+            op::CHUNK_INDEX | op::ATTACHMENT_INDEX | op::STATISTICS | op::METADATA_INDEX | op::SUMMARY_OFFSET => {
+                return self.stray_record(frame);
+            }
+            opcode => self.reject(frame, format!("a record of opcode {opcode}, which does not belong here")),
         }
         self.pass(frame);
         Ok(())
+    }
+
+    /// A record that belongs into the summary: the end of the data is damaged, unless it is the record itself.
+    fn stray_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        match &self.guide {
+            None => self.ask(),
+            Some(guide) if guide.is_behind_data(frame.offset) => {
+                self.damage(frame.offset, 0, "the end of the data was not marked");
+                self.summary.begun = true;
+                self.summary_record(frame)
+            }
+            Some(_) => {
+                self.reject(frame, format!("a record of opcode {}, which does not belong here", frame.opcode));
+                self.pass(frame);
+                Ok(())
+            }
+        }
     }
 
     fn header_record(&mut self, frame: Frame) -> Result<(), Stop> {
@@ -102,7 +156,7 @@ impl Scan {
                 self.queue.push_back(Step::Header);
             }
             Some(_) => {}
-            None => self.damage(frame.offset, "a malformed header record"),
+            None => self.reject(frame, "a malformed header record"),
         }
         Ok(())
     }
@@ -110,30 +164,73 @@ impl Scan {
     /// A schema, channel or message outside a chunk is treated as a chunk of one record.
     fn loose_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let size = FRAME + frame.length as usize;
-        match Survey::of(self.horizon.peek(size)?) {
+        let whole = self.horizon.peek(size)?;
+        let message = Message::parse(whole.get(FRAME..).unwrap_or_default()).filter(|_| frame.opcode == op::MESSAGE);
+        let (channel, incredible) = match &message {
+            Some(message) => (Some(message.channel), !self.is_credible_message(message)),
+            None => (None, false),
+        };
+        match Survey::of(whole) {
+            Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(_) if incredible => {
+                self.reject(frame, "a message outside the chunks that fits nothing else");
+                self.pass(frame);
+            }
             Ok(survey) => {
                 let ends = frame.opcode == op::MESSAGE;
                 self.inventory.loose |= ends;
+                if let Some(channel) = channel {
+                    let (last, longest) = self.lengths.entry(channel).or_default();
+                    (*last, *longest) = (frame.length, frame.length.max(*longest));
+                }
                 self.admit(frame, survey);
                 self.stage = Stage::Telling(Telling { frame, data: 0..size, place: Place::Plain, at: 0..0, ends });
             }
             Err(what) => {
-                self.damage(frame.offset, what);
+                self.reject(frame, what);
                 self.pass(frame);
             }
         }
         Ok(())
     }
 
+    /// Whether a message outside the chunks is one. Beside chunks there rarely are any, so that it is more likely to be
+    /// another record whose opcode is damaged, unless it is like the messages in the chunks.
+    fn is_credible_message(&self, message: &Message<'_>) -> bool {
+        let known = self.inventory.channels().contains_key(&message.channel);
+        match self.inventory.span() {
+            Some((from, until)) if self.has_chunks() => {
+                known && (from.saturating_sub(DAY)..=until.saturating_add(DAY)).contains(&message.log_time)
+            }
+            _ => known || !self.inventory.channels().is_empty(),
+        }
+    }
+
+    /// Whether messages stand in chunks.
+    pub(super) fn has_chunks(&self) -> bool {
+        self.inventory.has_chunks() || self.guide.as_ref().is_some_and(|guide| guide.indexed)
+    }
+
+    /// Whether there are messages of channels that neither these records nor those before them define.
+    fn is_at_a_loss(&self, survey: &Survey) -> bool {
+        let known = |id: &u16| {
+            self.inventory.channels().contains_key(id) || survey.channels.iter().any(|channel| channel.id == *id)
+        };
+        !survey.tallies.keys().all(known)
+    }
+
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
         match self.open_chunk(frame)? {
+            Ok((.., survey)) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok((telling, index, survey)) => {
+                let tallies = survey.tallies.clone();
                 self.admit(frame, survey);
-                self.chunk = Some(index);
+                self.chunk = Some(OpenChunk { index, tallies });
                 self.stage = Stage::Telling(telling);
             }
             Err(what) => {
-                self.damage(frame.offset, what);
+                self.reject(frame, what);
+                self.orphans = true;
                 self.pass(frame);
             }
         }
@@ -183,7 +280,7 @@ impl Scan {
                 Learned::New => self.queue.push_back(Step::Schema(id)),
                 Learned::Known => {}
                 Learned::Contradicted => {
-                    self.damage(frame.offset, format!("schema {id} is defined twice, differently"))
+                    self.damage(frame.offset, 0, format!("schema {id} is defined twice, differently"))
                 }
             }
         }
@@ -193,30 +290,55 @@ impl Scan {
                 Learned::New => self.queue.push_back(Step::Channel(id)),
                 Learned::Known => {}
                 Learned::Contradicted => {
-                    self.damage(frame.offset, format!("channel {id} is defined twice, differently"));
+                    self.damage(frame.offset, 0, format!("channel {id} is defined twice, differently"));
                 }
             }
         }
     }
 
     fn message_index_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let mut fields = Fields(self.horizon.body(frame, LIMIT)?);
-        let (Some(channel), Some(_)) = (fields.u16(), fields.blob()) else {
-            self.damage(frame.offset, "a malformed message index");
+        let body = self.horizon.body(frame, LIMIT)?;
+        let about = parse_message_index(body).map(|(channel, _)| channel);
+        let agrees = self.chunk.as_ref().is_some_and(|chunk| chunk.agrees(body).is_some());
+        let Some(channel) = about else {
+            self.reject(frame, "a malformed message index");
             return Ok(());
         };
         self.inventory.mentioned.insert(channel);
-        if let Some(chunk) = &mut self.chunk {
-            chunk.message_indexes.insert(channel, frame.offset);
-            chunk.message_indexes_length += frame.end() - frame.offset;
+        match &mut self.chunk {
+            Some(OpenChunk { index, .. }) if agrees => {
+                // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
+                if frame.offset == index.offset + index.length + index.message_indexes_length {
+                    index.message_indexes.insert(channel, frame.offset);
+                    index.message_indexes_length += frame.end() - frame.offset;
+                }
+            }
+            Some(_) => {
+                self.reject(frame, format!("a message index of channel {channel} that does not agree with its chunk"))
+            }
+            None if self.orphans => {}
+            None => {
+                self.orphans = true;
+                self.reject(frame, "a message index without its chunk");
+            }
         }
         Ok(())
+    }
+
+    /// Whether what looks like a message is a message index, which differs in one bit.
+    pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
+        match &self.chunk {
+            Some(chunk) if frame.opcode == op::MESSAGE && frame.length <= LIMIT => {
+                Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?))
+            }
+            _ => Ok(false),
+        }
     }
 
     /// All message indexes of the last chunk have been seen.
     pub(super) fn close_chunk(&mut self) {
         if let Some(chunk) = self.chunk.take() {
-            self.inventory.summary.index(&chunk);
+            self.inventory.summary.index(&chunk.index);
         }
     }
 
@@ -226,7 +348,7 @@ impl Scan {
             Some((name, _)) => {
                 self.inventory.summary.metadata.push(MetadataIndex { offset: frame.offset, length, name });
             }
-            None => self.damage(frame.offset, "a malformed metadata record"),
+            None => self.reject(frame, "a malformed metadata record"),
         }
         Ok(())
     }
@@ -246,7 +368,7 @@ impl Scan {
                 self.stage = Stage::Attaching(Attaching { frame, index, crc, left });
             }
             None => {
-                self.damage(frame.offset, "a malformed attachment record");
+                self.reject(frame, "a malformed attachment record");
                 self.pass(frame);
             }
         }
@@ -260,7 +382,7 @@ impl Scan {
         if stored == 0 || stored == crc.finalize() {
             self.inventory.summary.attachments.push(index);
         } else {
-            self.damage(frame.offset, format!("attachment `{}`: its CRC does not hold", index.name));
+            self.reject(frame, format!("attachment `{}`: its CRC does not hold", index.name));
         }
         self.pass(frame);
     }

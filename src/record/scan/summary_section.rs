@@ -25,7 +25,7 @@ pub(super) struct SummarySection {
 impl Scan {
     pub(super) fn summary_record(&mut self, frame: Frame) -> Result<(), Stop> {
         if frame.length > LIMIT {
-            self.lost(format!("a record of {} bytes in the summary", frame.length));
+            self.end(format!("a record of {} bytes in the summary", frame.length));
             return Ok(());
         }
         let whole = self.horizon.peek(FRAME + frame.length as usize)?;
@@ -48,7 +48,7 @@ impl Scan {
             }
         };
         if !well_formed {
-            self.damage(frame.offset, "a malformed record in the summary");
+            self.reject(frame, "a malformed record in the summary");
         }
         self.pass(frame);
         Ok(())
@@ -57,9 +57,9 @@ impl Scan {
     fn footer(&mut self, frame: Frame, stored: Option<u32>) {
         let computed = self.summary.crc.clone().finalize();
         match stored {
-            None => self.damage(frame.offset, "a malformed footer"),
+            None => self.reject(frame, "a malformed footer"),
             Some(stored) if stored != 0 && stored != computed => {
-                self.damage(frame.offset, "the summary's CRC does not hold: what only the summary says is not used");
+                self.damage(frame.offset, 0, "the summary's CRC does not hold: what only the summary says is not used");
                 self.summary = SummarySection { begun: true, ..SummarySection::default() };
             }
             Some(_) => {}
@@ -74,6 +74,17 @@ impl Scan {
         let SummarySection { schemas, channels, private, .. } = std::mem::take(&mut self.summary);
         self.summary.begun = true;
         let offset = self.horizon.offset();
+        for what in self.learn_from_summary(schemas, channels) {
+            self.damage(offset, 0, format!("the summary contradicts the data on {what}"));
+        }
+        for (opcode, record) in private {
+            self.inventory.summary.private.entry(opcode).or_default().extend(record);
+        }
+    }
+
+    /// Learns schemas and channels that only the summary knows. Those on which it contradicts the data are returned.
+    pub(super) fn learn_from_summary(&mut self, schemas: Vec<Schema>, channels: Vec<Channel>) -> Vec<String> {
+        let mut contradictions = Vec::new();
         for schema in schemas {
             let id = schema.id;
             match self.inventory.learn_schema(schema) {
@@ -82,9 +93,7 @@ impl Scan {
                     self.queue.push_back(Step::Schema(id));
                 }
                 Learned::Known => {}
-                Learned::Contradicted => {
-                    self.damage(offset, format!("the summary contradicts the data on schema {id}"))
-                }
+                Learned::Contradicted => contradictions.push(format!("schema {id}")),
             }
         }
         for channel in channels {
@@ -95,14 +104,10 @@ impl Scan {
                     self.queue.push_back(Step::Channel(id));
                 }
                 Learned::Known => {}
-                Learned::Contradicted => {
-                    self.damage(offset, format!("the summary contradicts the data on channel {id}"))
-                }
+                Learned::Contradicted => contradictions.push(format!("channel {id}")),
             }
         }
-        for (opcode, record) in private {
-            self.inventory.summary.private.entry(opcode).or_default().extend(record);
-        }
+        contradictions
     }
 
     pub(super) fn end_magic(&mut self) -> Result<(), Stop> {
@@ -113,7 +118,7 @@ impl Scan {
                 self.stage = Stage::Done;
             }
             Err(stop @ (Stop::Read { .. } | Stop::Wait)) => return Err(stop),
-            Ok(_) | Err(_) => self.lost("the closing magic is missing behind the footer"),
+            Ok(_) | Err(_) => self.end("the closing magic is missing behind the footer"),
         }
         Ok(())
     }

@@ -1,0 +1,159 @@
+//! Where a record ends. Its length may be corrupt, so it is held against what the record's content says and against
+//! what follows: one that ends elsewhere would swallow whole records behind it. Finding them is left to
+//! [`search`](super::search).
+
+use mcap::MAGIC;
+
+use super::Scan;
+use super::search::Search;
+use crate::record::horizon::{Frame, Stop};
+use crate::record::shape::{Measure, begins, end, fits, head, is_defined, measure};
+use crate::record::wire::{FRAME, Fields, op};
+
+/// How far ahead a record's end is looked for, in bytes (16 MiB).
+pub(super) const REACH: u64 = 1 << 24;
+
+/// A message of this length in bytes is looked through for others (64 KiB); a longer one if none was as long before.
+const SMALL: u64 = 1 << 16;
+
+/// What is to be made of a record's length.
+pub(super) enum Bounds {
+    /// It is right, as far as one can tell.
+    Sound,
+    /// It is wrong, but the next record begins here.
+    Ends(u64),
+    /// The next record must be searched for.
+    Lost(Search),
+}
+
+impl Scan {
+    /// Judges the length of the record that begins here, all of which lies within the recording.
+    pub(super) fn bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
+        if self.trusted == Some(frame.offset) || self.summary.begun {
+            return Ok(Bounds::Sound);
+        }
+        if frame.opcode == op::MESSAGE && fits(frame.opcode, frame.length) {
+            return self.message_bounds(frame);
+        }
+        let content = self.measured(frame, frame.length)?;
+        match content {
+            Measure::Says(length) if length == frame.length => return Ok(Bounds::Sound),
+            // What stands in a record of this opcode is not known, and it is too long to look behind it.
+            Measure::Silent if fits(frame.opcode, frame.length) && frame.length > REACH => return Ok(Bounds::Sound),
+            _ => {}
+        }
+        let ends = |length| end(frame.offset, length);
+        // A record may be longer than its content, but hardly so that records stand where the content ends.
+        if let Measure::Says(length) = content
+            && length < frame.length
+            && self.chain_at(ends(length))?
+        {
+            return Ok(Bounds::Ends(ends(length)));
+        }
+        let follows = match content {
+            Measure::Silent => self.begins_at(frame.end())?,
+            _ => self.chain_at(frame.end())?,
+        };
+        if follows {
+            let sound = fits(frame.opcode, frame.length);
+            return Ok(if sound { Bounds::Sound } else { Bounds::Ends(frame.end()) });
+        }
+        let beyond = match content {
+            Measure::Needs(_) => self.measured(frame, REACH)?,
+            content => content,
+        };
+        match beyond {
+            Measure::Says(length) if self.chain_at(ends(length))? => Ok(Bounds::Ends(ends(length))),
+            beyond => Ok(Bounds::Lost(Search::behind(frame, beyond))),
+        }
+    }
+
+    /// A message says nothing of its length, but the one before it on its channel does. One of another length may have
+    /// swallowed those behind it.
+    fn message_bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
+        let channel = Fields(self.horizon.body(frame, 2)?).u16().unwrap_or_default();
+        let (before, longest) = self.lengths.get(&channel).copied().unwrap_or_default();
+        if before == frame.length || frame.length > REACH {
+            return Ok(Bounds::Sound);
+        }
+        if !self.chain_at(frame.end())? {
+            return Ok(Bounds::Lost(Search::doubting(frame)));
+        }
+        if frame.length <= SMALL || frame.length > longest {
+            let body = self.horizon.body(frame, REACH)?;
+            if let Some(swallowed) = swallowed(body) {
+                return Ok(Bounds::Ends(frame.offset + (FRAME + swallowed) as u64));
+            }
+        }
+        Ok(Bounds::Sound)
+    }
+
+    /// What a record's content says about its length, if no more than `most` bytes of it tell.
+    pub(super) fn measured(&self, frame: Frame, most: u64) -> Result<Measure, Stop> {
+        let left = self.horizon.extent().length.saturating_sub(frame.offset + FRAME as u64);
+        let most = most.min(REACH);
+        // In a recording that grows, what is not there yet may still come.
+        let most = if self.horizon.extent().finished { most.min(left) } else { most };
+        let mut seen = most.min(64);
+        loop {
+            let body = self.horizon.peek(FRAME + seen as usize)?.get(FRAME..).unwrap_or_default();
+            match measure(frame.opcode, body) {
+                Measure::Needs(needed) if needed <= most => seen = needed,
+                measured => return Ok(measured),
+            }
+        }
+    }
+
+    /// Whether a record begins there, or the recording ends. What is too far away to look at is taken for none.
+    pub(super) fn begins_at(&self, offset: u64) -> Result<bool, Stop> {
+        Ok(self.look(offset)?.is_some_and(begins))
+    }
+
+    /// Whether a record begins there, and behind it another one, or the recording ends. A shifted look at a record's head
+    /// may pass for one, but not for two.
+    pub(super) fn chain_at(&self, offset: u64) -> Result<bool, Stop> {
+        let first = self.look(offset)?;
+        let Some((opcode, length)) = first.and_then(head) else { return Ok(first.is_some_and(<[u8]>::is_empty)) };
+        if !fits(opcode, length) || length > REACH {
+            return Ok(false);
+        }
+        let second = self.look(end(offset, length))?;
+        if opcode == op::FOOTER {
+            return Ok(second == Some(MAGIC));
+        }
+        Ok(second.is_some_and(begins))
+    }
+
+    /// The first bytes of what may be a record there; fewer at the end of the recording.
+    pub(super) fn look(&self, offset: u64) -> Result<Option<&[u8]>, Stop> {
+        let extent = self.horizon.extent();
+        let ahead = offset.saturating_sub(self.horizon.offset());
+        if ahead > 2 * REACH || (extent.finished && offset > extent.length) {
+            return Ok(None);
+        }
+        let most = if extent.finished { extent.length - offset } else { u64::MAX };
+        let until = ahead + most.min(FRAME as u64);
+        Ok(self.horizon.peek(until as usize)?.get(ahead as usize..))
+    }
+}
+
+/// Where whole records begin that fill the rest of a message's body to its very end.
+fn swallowed(body: &[u8]) -> Option<usize> {
+    // Walks from one place lead over those that walks from others led over, so that there is work to be bounded.
+    let mut steps = body.len() / 8;
+    let next = |at: usize| {
+        let (_, length) =
+            head(body.get(at..)?).filter(|&(opcode, length)| is_defined(opcode) && fits(opcode, length))?;
+        usize::try_from(end(at as u64, length)).ok().filter(|&end| end <= body.len())
+    };
+    let fills = |start: usize| {
+        let mut at = start;
+        while at < body.len() {
+            steps = steps.checked_sub(1)?;
+            at = next(at)?;
+        }
+        Some(start)
+    };
+    // Behind the fields that every message has.
+    (22..body.len()).filter_map(fills).next()
+}

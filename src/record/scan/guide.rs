@@ -1,0 +1,190 @@
+//! What the summary section says, asked before its time: when the framing is lost, or a message's channel is not known.
+//! The section itself is read in its turn, by [`summary_section`](super::summary_section).
+
+use crc32fast::Hasher;
+use mcap::MAGIC;
+
+use super::{Scan, Stage};
+use crate::record::chunk::LIMIT;
+use crate::record::horizon::{Frame, Horizon, Stop};
+use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
+use crate::record::wire::{FRAME, Fields, op};
+use crate::record::{Channel, Schema};
+
+/// Of a footer record and the magic behind it.
+const CLOSING: u64 = FRAME as u64 + 20 + 8;
+/// Of a DataEnd record.
+const DATA_END: u64 = FRAME as u64 + 4;
+
+/// Where whole records are. Empty if the recording has no summary that holds.
+#[derive(Debug, Default)]
+pub(super) struct Guide {
+    /// In order of the file, none within another.
+    landmarks: Vec<Landmark>,
+    /// Whether it names the chunks, so that there is nothing to look for between its landmarks.
+    pub(super) indexed: bool,
+    /// Where the data section ends.
+    data_end: Option<u64>,
+}
+
+/// A record that the summary names.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Landmark {
+    pub(super) offset: u64,
+    /// Of the whole record.
+    pub(super) length: u64,
+    pub(super) opcode: u8,
+}
+
+impl Guide {
+    /// The landmark that `offset` lies in or in front of.
+    pub(super) fn at_or_behind(&self, offset: u64) -> Option<Landmark> {
+        self.landmarks.get(self.landmarks.partition_point(|mark| mark.offset + mark.length <= offset)).copied()
+    }
+
+    /// The first landmark that begins behind `offset`.
+    pub(super) fn behind(&self, offset: u64) -> Option<Landmark> {
+        self.landmarks.get(self.landmarks.partition_point(|mark| mark.offset <= offset)).copied()
+    }
+
+    /// Whether a place lies in the summary section.
+    pub(super) fn is_behind_data(&self, offset: u64) -> bool {
+        self.data_end.is_some_and(|end| offset >= end)
+    }
+
+    fn settle(&mut self, data: u64) {
+        self.landmarks.sort_unstable_by_key(|mark| mark.offset);
+        let mut free = MAGIC.len() as u64;
+        for mark in &self.landmarks {
+            let end = mark.offset.checked_add(mark.length).filter(|&end| end <= data && mark.offset >= free);
+            let Some(end) = end else {
+                *self = Self::default();
+                return;
+            };
+            free = end;
+        }
+    }
+}
+
+/// The summary, while it is read.
+pub(super) struct Asking {
+    /// Where to go on afterwards.
+    back: u64,
+    /// Of the footer, once it has been seen: its offset, and the CRC in it.
+    footer: Option<(u64, u32)>,
+    start: u64,
+    crc: Hasher,
+    guide: Guide,
+    schemas: Vec<Schema>,
+    channels: Vec<Channel>,
+}
+
+impl Asking {
+    fn new(back: u64) -> Self {
+        let (guide, schemas, channels) = Default::default();
+        Self { back, footer: None, start: 0, crc: Hasher::new(), guide, schemas, channels }
+    }
+
+    /// Reads on; whether all of the section is in order.
+    fn read(&mut self, horizon: &mut Horizon) -> Result<bool, Stop> {
+        let length = horizon.extent().length;
+        let (footer, stored) = match self.footer {
+            Some(footer) => footer,
+            None => {
+                let Some(offset) = length.checked_sub(CLOSING) else { return Ok(false) };
+                horizon.seek(offset);
+                let closing = horizon.peek(CLOSING as usize)?;
+                let mut fields = Fields(closing);
+                let is_footer = (fields.u8(), fields.u64()) == (Some(op::FOOTER), Some(20)) && closing.ends_with(MAGIC);
+                let (start, _, crc) = (fields.u64(), fields.u64(), fields.u32());
+                let (Some(start), Some(crc)) = (start, crc) else { return Ok(false) };
+                if !is_footer || !(MAGIC.len() as u64 + DATA_END..=offset).contains(&start) {
+                    return Ok(false);
+                }
+                horizon.seek(start);
+                self.start = start;
+                *self.footer.insert((offset, crc))
+            }
+        };
+        while horizon.offset() < footer {
+            let frame = horizon.frame()?;
+            if frame.length > LIMIT || frame.end() > footer {
+                return Ok(false);
+            }
+            let whole = horizon.peek(FRAME + frame.length as usize)?;
+            self.crc.update(whole);
+            if self.note(frame, whole.get(FRAME..).unwrap_or_default()).is_none() {
+                return Ok(false);
+            }
+            horizon.skip(frame.end() - frame.offset);
+        }
+        // The CRC covers the footer up to the CRC itself.
+        self.crc.update(horizon.peek(FRAME + 16)?);
+        Ok(stored == 0 || stored == self.crc.clone().finalize())
+    }
+
+    fn note(&mut self, frame: Frame, body: &[u8]) -> Option<()> {
+        let (offset, length, opcode) = match frame.opcode {
+            op::SCHEMA => {
+                self.schemas.push(Schema::parse(body)?);
+                return Some(());
+            }
+            op::CHANNEL => {
+                self.channels.push(Channel::parse(body)?);
+                return Some(());
+            }
+            op::CHUNK_INDEX => ChunkIndex::parse(body).map(|index| (index.offset, index.length, op::CHUNK))?,
+            op::ATTACHMENT_INDEX => {
+                AttachmentIndex::parse(body).map(|index| (index.offset, index.length, op::ATTACHMENT))?
+            }
+            op::METADATA_INDEX => MetadataIndex::parse(body).map(|index| (index.offset, index.length, op::METADATA))?,
+            _ => return Some(()),
+        };
+        self.guide.indexed |= opcode == op::CHUNK;
+        self.guide.landmarks.push(Landmark { offset, length, opcode });
+        Some(())
+    }
+
+    fn guide(mut self) -> (Guide, Vec<Schema>, Vec<Channel>) {
+        let data = self.start - DATA_END;
+        self.guide.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
+        self.guide.data_end = Some(self.start);
+        self.guide.settle(self.start);
+        (self.guide, self.schemas, self.channels)
+    }
+}
+
+impl Scan {
+    /// Asks the summary, and comes back here. In a recording that still grows, there is none yet.
+    pub(super) fn ask(&mut self) -> Result<(), Stop> {
+        if !self.horizon.extent().finished {
+            return Err(self.horizon.wait());
+        }
+        self.stage = Stage::Asking(Box::new(Asking::new(self.horizon.offset())));
+        Ok(())
+    }
+
+    pub(super) fn answer(&mut self) -> Result<(), Stop> {
+        let Stage::Asking(mut asking) = std::mem::take(&mut self.stage) else { return Ok(()) };
+        let in_order = match asking.read(&mut self.horizon) {
+            Err(stop @ Stop::Read { .. }) => {
+                self.stage = Stage::Asking(asking);
+                return Err(stop);
+            }
+            read => read.unwrap_or(false),
+        };
+        self.horizon.seek(asking.back);
+        self.stage = Stage::Record;
+        let guide = match in_order {
+            true => {
+                let (guide, schemas, channels) = asking.guide();
+                // What contradicts the data is said when the summary is read in its turn.
+                self.learn_from_summary(schemas, channels);
+                guide
+            }
+            false => Guide::default(),
+        };
+        self.guide = Some(guide);
+        Ok(())
+    }
+}

@@ -1,0 +1,138 @@
+//! Recordings with one wrong byte, or cut off anywhere: every message outside the damaged record is used.
+//!
+//! The oracle walks the sound recording record by record and lets the `mcap` crate read each one alone.
+
+use std::ops::Range;
+
+use mcap::MAGIC;
+use mcap::read::{ChunkFlattener, Options, Summary};
+use mcap::records::Record;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::drive::{Told, blocks, fold, messages, scan, topics};
+use crate::recordings::Recipe;
+
+/// A message as the scan tells it.
+type Flat = (u16, u32, u64, Vec<u8>);
+
+/// A sound recording, and what each of its records holds.
+struct Sound {
+    name: String,
+    file: Vec<u8>,
+    records: Vec<(Range<usize>, Vec<Flat>)>,
+    chunked: bool,
+}
+
+/// All compressions, with and without summary, an attachment that is itself a recording, messages in chunks or not, of
+/// one length or of many.
+fn sound_recordings() -> Vec<Sound> {
+    let mut all = Vec::new();
+    let within = Recipe { compression: 0, chunked: false, ..Recipe::plain() }.write();
+    for (chunked, compression) in [(true, 0), (true, 1), (true, 2), (false, 0)] {
+        for summary in [true, false] {
+            for varied in [true, false] {
+                let length = |n: usize| if varied { 30 + n * n % 97 } else { 55 };
+                let messages = (0..300).map(|n| ((n % 3) as u16, 1000 + 7 * n as u64, length(n))).collect();
+                let attachments = vec![b"gain: 2".to_vec(), within.clone()];
+                let recipe = Recipe { compression, chunked, summary, messages, attachments, ..Recipe::plain() };
+                let name = format!("compression {compression}, chunks {chunked}, summary {summary}, varied {varied}");
+                all.push(Sound::new(name, recipe.write(), chunked));
+            }
+        }
+    }
+    all
+}
+
+impl Sound {
+    fn new(name: String, file: Vec<u8>, chunked: bool) -> Self {
+        let mut records = Vec::new();
+        let mut at = MAGIC.len();
+        while at + 9 <= file.len() {
+            let length = u64::from_le_bytes(file[at + 1..at + 9].try_into().unwrap()) as usize;
+            let range = at..at + 9 + length;
+            records.push((range.clone(), read_alone(&file[range.clone()])));
+            at = range.end;
+        }
+        assert_eq!(at + MAGIC.len(), file.len());
+        assert!(records.iter().map(|(_, messages)| messages.len()).sum::<usize>() == 300);
+        Self { name, file, records, chunked }
+    }
+
+    /// Messages of the records that a condition on their place holds for.
+    fn messages(&self, holds: impl Fn(&Range<usize>) -> bool) -> Vec<Flat> {
+        self.records.iter().filter(|(range, _)| holds(range)).flat_map(|(_, messages)| messages.clone()).collect()
+    }
+}
+
+/// The messages of one record, by the `mcap` crate.
+fn read_alone(record: &[u8]) -> Vec<Flat> {
+    let file = [MAGIC, record, MAGIC].concat();
+    let flat = ChunkFlattener::new_with_options(&file, Options::IgnoreEndMagic.into()).unwrap();
+    flat.map_while(Result::ok)
+        .filter_map(|record| match record {
+            Record::Message { header, data } => {
+                Some((header.channel_id, header.sequence, header.log_time, data.into_owned()))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+fn told(file: &[u8]) -> (Vec<Flat>, u64) {
+    let (told, inventory) = scan(file);
+    let flat = |event: &&Told| match event {
+        Told::Message { channel, sequence, log_time, data, .. } => (*channel, *sequence, *log_time, data.clone()),
+        _ => unreachable!(),
+    };
+    (messages(&told).iter().map(flat).collect(), inventory.damage())
+}
+
+/// Messages that the index of a recording leads to, every CRC checked.
+fn indexed(file: &[u8]) -> usize {
+    let summary = Summary::read(file).unwrap().unwrap();
+    let of_chunk = |index| summary.stream_chunk(file, index).unwrap().map(Result::unwrap).count();
+    summary.chunk_indexes.iter().map(of_chunk).sum()
+}
+
+#[test]
+fn of_a_recording_cut_off_anywhere_every_whole_record_is_used() {
+    for sound in sound_recordings() {
+        for n in 0..125 {
+            let cut = MAGIC.len() + n * (sound.file.len() - MAGIC.len()) / 125;
+            let file = &sound.file[..cut];
+            let (found, damage) = told(file);
+            assert!(found == sound.messages(|range| range.end <= cut), "{}, cut at {cut}", sound.name);
+            assert!(damage > 0, "{}, cut at {cut}", sound.name);
+            if sound.chunked {
+                assert_eq!(indexed(&fold(file, &topics(), &blocks())), found.len() + 5, "{}, cut at {cut}", sound.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for sound in sound_recordings() {
+        for _ in 0..625 {
+            let place = rng.random_range(MAGIC.len()..sound.file.len());
+            let flip = rng.random_range(1..=255_u8);
+            let mut file = sound.file.clone();
+            file[place] ^= flip;
+            let at = format!("{}, byte {place} ^ {flip:#x} of {}", sound.name, file.len());
+            let (found, _) = told(&file);
+            let others = sound.messages(|range| !range.contains(&place));
+            let lost = others.iter().filter(|message| !found.contains(message)).count();
+            assert_eq!(lost, 0, "{at}");
+            // What is wrong within a message outside chunks cannot be told, since it has no CRC.
+            let all = sound.messages(|_| true);
+            let invented = found.iter().filter(|message| !all.contains(message)).count();
+            assert!(invented == 0 || !sound.chunked && invented == 1, "{at}: {invented} invented");
+            let out = fold(&file, &topics(), &blocks());
+            if sound.chunked {
+                assert_eq!(indexed(&out), found.len() + 5, "{at}");
+            }
+        }
+    }
+}
