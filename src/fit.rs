@@ -8,6 +8,7 @@ pub mod accelerometer;
 pub mod gyroscope;
 pub mod secondary;
 
+mod bars;
 mod calibration;
 mod config;
 mod estimate;
@@ -19,6 +20,7 @@ mod regression;
 mod scatter;
 mod shape;
 mod system;
+mod worst;
 
 pub use calibration::Calibration;
 pub use config::{Bounds, Config, Estimator, Model};
@@ -30,4 +32,4 @@ pub use orientation::guess;
 pub use regression::Reading;
 pub use scatter::{Assumed, Block, Scatter};
 pub use shape::{Shape, Term, Truth};
-pub use system::{Limits, Solved, System, limits};
+pub use system::{Limits, Row, Solved, System, limits};

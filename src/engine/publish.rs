@@ -161,19 +161,18 @@ pub(super) fn calibration(
 /// Repeats beyond one placement a face are what can contradict a fit.
 fn accelerometer_status(solution: &Solution) -> Status {
     let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
-    let freedom = solution.placements.saturating_sub(fit.shape.unknowns());
-    status(solution.repeats, freedom, fit.chi2_per_dof)
+    status(solution.repeats, fit)
 }
 
-fn status(repeats: usize, freedom: usize, chi2_per_dof: Option<f64>) -> Status {
-    let agree = repeats >= CONFIRMING_REPEATS && chi2_per_dof.is_some_and(|chi2| chi2 <= agreement(freedom));
+fn status(repeats: usize, fit: &Estimate) -> Status {
+    let agree = repeats >= CONFIRMING_REPEATS && fit.chi2_per_dof.is_some_and(|chi2| chi2 <= agreement(fit.freedom));
     if agree { Status::Confirmed } else { Status::Provisional }
 }
 
 /// χ² over its degrees of freedom that agreement exceeds once in a thousand times (Wilson and Hilferty 1931).
-fn agreement(freedom: usize) -> f64 {
+fn agreement(freedom: f64) -> f64 {
     const NORMAL: f64 = 3.09;
-    let v = 2.0 / (9.0 * freedom.max(1) as f64);
+    let v = 2.0 / (9.0 * freedom.max(1.0));
     libm::pow(1.0 - v + NORMAL * v.sqrt(), 3.0)
 }
 
@@ -208,10 +207,7 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
     Triad {
         // It can be no surer than the primary that it was compared with.
         status: match accelerometer_status(solution) {
-            Status::Confirmed => {
-                let freedom = (3 * solution.placements).saturating_sub(fit.shape.unknowns());
-                status(solution.repeats, freedom, fit.chi2_per_dof)
-            }
+            Status::Confirmed => status(solution.repeats, fit),
             other => other,
         }
         .into(),
@@ -229,12 +225,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
         return Triad { notes: silent.then_some(note).into_iter().collect(), ..named };
     };
     let repeats = solution.gyro_placements.saturating_sub(1);
-    let freedom = (3 * solution.gyro_placements).saturating_sub(fit.shape.unknowns());
-    Triad {
-        status: status(repeats, freedom, fit.chi2_per_dof).into(),
-        notes: words::active_bounds(fit),
-        ..estimated(named, fit)
-    }
+    Triad { status: status(repeats, fit).into(), notes: words::active_bounds(fit), ..estimated(named, fit) }
 }
 
 fn named(sensor: &str, topic: &str) -> Triad {

@@ -8,12 +8,13 @@
 
 use nalgebra::{DMatrix, Vector3};
 
+use super::bars::{Bars, Sharing};
 use super::calibration::Calibration;
 use super::config::{Bounds, Estimator};
 use super::estimate::Estimate;
 use super::gravity::Gravity;
 use super::lsqlin;
-use super::scatter::variance_between;
+use super::scatter::Assumed;
 use super::shape::{Shape, Truth};
 use super::system::{Solved, System, limits};
 
@@ -68,9 +69,9 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Esti
     };
     // The scatter and the tilts that the first fit shows set the weights of the second.
     let first = solve(given.placement_std * given.placement_std, None)?;
-    let between = observed_scatter(observations, given, &first.calibration);
-    let second = solve(between, Some(&first.calibration))?;
-    Ok(summarise(observations, given, second))
+    let bars = Bars::learn(given.shape, &first.solved, Sharing::All, given.assumed());
+    let second = solve(bars.between(0), Some(&first.calibration))?;
+    Ok(summarise(observations, given, &bars, second))
 }
 
 /// A solution with the weighted equations that it came from.
@@ -93,8 +94,7 @@ fn on_fixture(
         let felt = tilts.map_or(truth, |calibration| calibration.correct(&seen.mean));
         let lost = given.gravity.value - felt.dot(&seen.normal);
         let noise = seen.normal.component_mul(&seen.normal).dot(&seen.noise);
-        let variance = between + lost * lost + noise;
-        system.push(&seen.normal, &Truth::of(truth), seen.normal.dot(&seen.mean), variance);
+        system.push(&seen.normal, &Truth::of(truth), seen.normal.dot(&seen.mean), noise + lost * lost, between);
     }
     let solved = system.solve(&limits(given.shape, |term| given.bounds.accelerometer(term)))?;
     Ok(Stage { calibration: given.shape.calibration(&solved.solution.x), solved })
@@ -115,8 +115,8 @@ fn on_magnitude(
     for _ in 0..STEPS {
         let mut system = System::new(given.shape);
         for seen in observations {
-            let Line { residual, by_measured, truth, variance, .. } = Line::of(seen, given, &calibration, between);
-            system.push(&-by_measured, &truth, -residual, variance);
+            let Line { residual, by_measured, truth, noise } = Line::of(seen, given, &calibration);
+            system.push(&-by_measured, &truth, -residual, noise, between);
         }
         let here = given.shape.vector(&calibration);
         let solved = system.solve(&(&low - &here, &high - &here))?;
@@ -138,62 +138,51 @@ struct Line {
     truth: Truth,
     /// Of the residual by noise, (m/s²)².
     noise: f64,
-    /// The same with placement scatter.
-    variance: f64,
 }
 
 impl Line {
-    fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration, between: f64) -> Self {
+    fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration) -> Self {
         let corrected = calibration.correct(&seen.mean);
         let length = corrected.norm();
         let up = corrected / length.max(f64::MIN_POSITIVE);
         let by_measured = calibration.inverse().transpose() * up;
         let noise = by_measured.component_mul(&by_measured).dot(&seen.noise);
-        Self {
-            residual: length - given.gravity.value,
-            by_measured,
-            truth: Truth::of(corrected),
-            noise,
-            variance: by_measured.norm_squared() * between + noise,
-        }
+        Self { residual: length - given.gravity.value, by_measured, truth: Truth::of(corrected), noise }
     }
 }
 
-fn observed_scatter(observations: &[Observation], given: &Assumptions<'_>, calibration: &Calibration) -> f64 {
-    let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, calibration, 0.0)).collect();
-    let freedom = observations.len().saturating_sub(given.shape.unknowns()) as f64;
-    let residuals = lines.iter().map(|line| (line.residual, line.noise));
-    variance_between(residuals, freedom, given.placement_std)
-}
-
-fn summarise(observations: &[Observation], given: &Assumptions<'_>, stage: Stage) -> Estimate {
-    let assumed = given.placement_std * given.placement_std;
-    let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &stage.calibration, assumed)).collect();
-    let count = lines.len() as f64;
-    let weights: f64 = lines.iter().map(|line| 1.0 / line.variance).sum();
-    let squares: f64 = lines.iter().map(|line| line.residual * line.residual / line.variance).sum();
-    let residual_rms = (squares / weights).sqrt();
-    let white = lines.iter().map(|line| line.noise).sum::<f64>() / count;
-    let freedom = lines.len().saturating_sub(given.shape.unknowns());
+fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars, stage: Stage) -> Estimate {
+    let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &stage.calibration)).collect();
+    let weight = |line: &Line| 1.0 / (line.by_measured.norm_squared() * given.placement_std.powi(2) + line.noise);
+    let weights: f64 = lines.iter().map(weight).sum();
+    let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
+    let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
-        covariance: covariance(given, &stage),
-        residual_rms,
-        residual_limit: (5.0 * white.sqrt()).max(ALLOWANCE),
-        chi2_per_dof: (freedom > 0).then(|| squares / freedom as f64),
+        covariance: bars.covariance(given.shape, &stage.solved, &by_gravity(given, &stage.calibration)),
+        unmodelled_std: bars.leak_rms,
+        residual_rms: (squares / weights).sqrt(),
+        residual_limit: (5.0 * libm::hypot(white.sqrt(), given.placement_std)).max(ALLOWANCE),
+        chi2_per_dof: bars.chi2_per_dof(),
+        freedom: bars.freedom(),
         condition: stage.solved.solution.condition,
         active: stage.solved.solution.active,
     }
 }
 
-/// (JᵀWJ)⁻¹; what the uncertainty of g does, which scales S and leaves b alone; and what unmodelled cross-axis
-/// sensitivity does.
-fn covariance(given: &Assumptions<'_>, stage: &Stage) -> DMatrix<f64> {
-    let mut covariance = stage.solved.covariance();
-    covariance += stage.solved.leakage(&covariance, UNMODELLED_CROSS_AXIS);
-    let mut by_gravity = given.shape.vector(&stage.calibration) / given.gravity.value;
+/// What the uncertainty of g does: it scales S and leaves b alone.
+fn by_gravity(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64> {
+    let mut by_gravity = given.shape.vector(calibration) / given.gravity.value;
     by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
-    covariance += &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2);
-    covariance
+    &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2)
+}
+
+impl Assumptions<'_> {
+    /// What is assumed of the errors. The entries of S above the diagonal turn the frame, which the length of a reading
+    /// does not feel: a triangular S is that of the sensor's own axes, and nothing is left out of it.
+    fn assumed(&self) -> Assumed {
+        let own_axes = self.shape == Shape::TRIANGULAR && self.estimator == Estimator::Magnitude;
+        Assumed { placement: self.placement_std, leak: if own_axes { 0.0 } else { UNMODELLED_CROSS_AXIS } }
+    }
 }

@@ -1,9 +1,10 @@
 //! What a fit of any triad comes to: parameters, their uncertainty, and how well the rests agree with them.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use super::calibration::Calibration;
-use super::shape::{Shape, Truth};
+use super::shape::Shape;
+use super::worst::ReadingError;
 
 /// Parameters of a triad and how well they are known.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,8 +13,10 @@ pub struct Estimate {
     pub shape: Shape,
     /// Their values.
     pub parameters: DVector<f64>,
-    /// Their covariance, all causes included.
+    /// Their covariance, all causes included, and stretched so that 1.96 standard deviations are half of a 95 % interval.
     pub covariance: DMatrix<f64>,
+    /// How large the entries of S are that the shape leaves out, by assumption and data: a root mean square.
+    pub unmodelled_std: f64,
     /// Root mean square of what is left over, in the unit of the triad; for the primary accelerometer of ‖corrected‖ − g,
     /// weighted.
     pub residual_rms: f64,
@@ -21,6 +24,8 @@ pub struct Estimate {
     pub residual_limit: f64,
     /// Weighted sum of squares over its degrees of freedom, at the assumed placement scatter; `None` without redundancy.
     pub chi2_per_dof: Option<f64>,
+    /// Those degrees of freedom.
+    pub freedom: f64,
     /// Condition number of the design.
     pub condition: f64,
     /// Parameters held back by a bound, by their place in the parameter vector.
@@ -43,25 +48,10 @@ impl Estimate {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 
-    /// 95 % bound of the error of a corrected reading of an accelerometer, over all directions of gravity, m/s².
+    /// 95 % bound of the error of a corrected reading of an accelerometer at rest, in the direction of gravity where it is
+    /// worst, m/s². What the model leaves out of S is in it.
     pub fn worst_case_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
-        let worst = directions().map(|up| {
-            // δ(S⁻¹(m − b)) = −S⁻¹ ∂measured/∂parameters δparameters.
-            let by_parameters = inverse * self.shape.jacobian(&Truth::of(up * gravity));
-            let error: Matrix3<f64> = Matrix3::from_fn(|i, j| {
-                (by_parameters.row(i) * &self.covariance * by_parameters.row(j).transpose())[(0, 0)]
-            });
-            error.symmetric_eigenvalues().max()
-        });
-        1.96 * worst.fold(0.0, f64::max).sqrt()
+        ReadingError::new(self.shape, &self.covariance, inverse, self.unmodelled_std, gravity).worst()
     }
-}
-
-/// Faces, edges and corners of a cube: where a quadratic form of direction has its extremes, near enough.
-pub fn directions() -> impl Iterator<Item = Vector3<f64>> {
-    let axis = [-1.0, 0.0, 1.0];
-    axis.into_iter()
-        .flat_map(move |x| axis.into_iter().flat_map(move |y| axis.into_iter().map(move |z| Vector3::new(x, y, z))))
-        .filter_map(|direction: Vector3<f64>| direction.try_normalize(0.5))
 }

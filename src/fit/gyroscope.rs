@@ -1,11 +1,14 @@
 //! The gyroscope from what it reads at rest: its bias, and, where specific force is known, what it makes of that. It needs
 //! no faces, only rests that are no turns.
 
+use nalgebra::DMatrix;
+
 use super::config::Bounds;
 use super::estimate::Estimate;
 use super::gravity::EARTH_RATE;
 use super::lsqlin;
 use super::regression::{Reading, regress};
+use super::scatter::Assumed;
 use super::shape::{Shape, Term};
 use super::system::limits;
 
@@ -15,19 +18,20 @@ use super::system::limits;
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
 pub fn fit(shape: Shape, readings: &[Reading], assumed_std: f64, bounds: &Bounds) -> Result<Estimate, lsqlin::Error> {
-    let regression = regress(shape, readings, assumed_std, &limits(shape, |term| bounds.gyroscope(term)))?;
-    let mut covariance = regression.solved.covariance();
+    let assumed = Assumed { placement: assumed_std, leak: 0.0 };
+    let regression = regress(shape, readings, assumed, &limits(shape, |term| bounds.gyroscope(term)))?;
+    let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max);
     for (i, term) in shape.terms().iter().enumerate() {
         // Which way the Earth turns the sensor is unknown: one component of its rate, in the mean of squares. That about
         // the vertical looks like sensitivity to gravity.
-        covariance[(i, i)] += match *term {
+        other[(i, i)] = match *term {
             Term::Bias(_) => EARTH_RATE * EARTH_RATE / 3.0,
             Term::Other(row, column) if row == column => (EARTH_RATE / up.max(1.0)).powi(2) / 3.0,
             _ => 0.0,
         };
     }
-    Ok(regression.estimate(covariance, f64::INFINITY))
+    Ok(regression.estimate(&other, f64::INFINITY))
 }
 
 #[cfg(test)]

@@ -43,6 +43,18 @@ pub struct Scatter {
     levels: Vec<(f64, f64)>,
     /// The variance to weight with.
     typical: f64,
+    /// Weighted sum of squares of what is left over, at what was assumed, and the degrees of freedom of that.
+    squares: f64,
+    freedom: f64,
+}
+
+/// What the equations tell of the leaks.
+#[derive(Clone, Debug)]
+pub struct Leaking {
+    /// What is left over without them.
+    pub left: DVector<f64>,
+    /// The likeliest value of each, and its variance.
+    pub leaks: Vec<(f64, f64)>,
 }
 
 /// From so many degrees of freedom on the data speak alone.
@@ -55,7 +67,7 @@ const NORMAL_95: f64 = 1.959_963_984_540_054;
 impl Scatter {
     /// What is assumed, and nothing else.
     pub fn assumed(std: f64) -> Self {
-        Self { levels: vec![(std * std, 1.0)], typical: std * std }
+        Self { levels: vec![(std * std, 1.0)], typical: std * std, squares: 0.0, freedom: 0.0 }
     }
 
     /// What the equations tell of it.
@@ -104,12 +116,22 @@ impl Scatter {
         // What is improbable costs time and changes nothing.
         levels.retain(|level| level.1 > 1e-9);
         let mean_log: f64 = levels.iter().map(|(between, weight)| weight * libm::log(between + noise)).sum();
-        Self { typical: (libm::exp(mean_log) - noise).max(0.0), levels }
+        Self { typical: (libm::exp(mean_log) - noise).max(0.0), levels, squares, freedom }
     }
 
     /// The variance between placements to weight equations with: the geometric mean.
     pub fn typical(&self) -> f64 {
         self.typical
+    }
+
+    /// Weighted sum of squares of what the equations left over, at what was assumed of the scatter.
+    pub fn squares(&self) -> f64 {
+        self.squares
+    }
+
+    /// The degrees of freedom of that; zero without redundancy.
+    pub fn freedom(&self) -> f64 {
+        self.freedom
     }
 
     /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them are half of its 95 %
@@ -159,6 +181,31 @@ struct Likelihood {
 }
 
 impl Block {
+    /// What is left over once the likeliest leaks are taken out, and those; `None` where there are none.
+    pub fn leaking(&self, between: f64, leak: f64) -> Option<Leaking> {
+        let unknowns = self.design.ncols();
+        let leaks = self.leaks.ncols();
+        if leaks == 0 || leak <= 0.0 {
+            return None;
+        }
+        let all = DMatrix::from_fn(self.residuals.len(), unknowns + leaks, |r, c| {
+            if c < unknowns { self.design[(r, c)] } else { self.leaks[(r, c - unknowns)] }
+        });
+        let weights = DVector::from_fn(all.nrows(), |r, _| 1.0 / (self.gain[r] * between + self.noise[r]));
+        let mut weighted = all.clone();
+        weighted.row_iter_mut().zip(&weights).for_each(|(mut row, weight)| row *= *weight);
+        let mut information = weighted.tr_mul(&all);
+        for k in unknowns..unknowns + leaks {
+            information[(k, k)] += 1.0 / (leak * leak);
+        }
+        let factor = information.cholesky()?;
+        let likeliest = factor.solve(&weighted.tr_mul(&self.residuals)).rows(unknowns, leaks).into_owned();
+        let variances = factor.inverse().diagonal();
+        // The unknowns stay where they are: a bound may hold them there.
+        let left = &self.residuals - &self.leaks * &likeliest;
+        Some(Leaking { left, leaks: likeliest.iter().copied().zip(variances.iter().skip(unknowns).copied()).collect() })
+    }
+
     fn likelihood(&self, between: f64, leak: f64) -> Option<Likelihood> {
         let unknowns = self.design.ncols();
         let leaks = if leak > 0.0 { self.leaks.ncols() } else { 0 };
@@ -211,29 +258,6 @@ fn typical_noise(blocks: &[Block]) -> f64 {
         }
     }
     count / sum
-}
-
-/// The assumed scatter weighs as much as so many observed degrees of freedom.
-const PRIOR_WEIGHT: f64 = 4.0;
-
-/// Variance between placements, from residuals with known noise variances and a prior.
-///
-/// The estimator of Paule and Mandel (1982) sets the weighted sum of squares to its expectation, the degrees of freedom.
-/// The prior enters like `prior_weight` further residuals that scatter as it says, so that it rules while there is no
-/// redundancy and fades as there is.
-pub fn variance_between(residuals: impl Iterator<Item = (f64, f64)> + Clone, freedom: f64, prior: f64) -> f64 {
-    let expected = freedom + PRIOR_WEIGHT;
-    let excess = |between: f64| {
-        let observed: f64 = residuals.clone().map(|(residual, noise)| residual * residual / (between + noise)).sum();
-        observed + PRIOR_WEIGHT * prior * prior / between - expected
-    };
-    // Falls from infinity to below zero: bisection on the logarithm, twelve decades about the prior.
-    let (mut low, mut high) = (prior * prior * 1e-6, prior * prior * 1e6);
-    for _ in 0..60 {
-        let middle = (low * high).sqrt();
-        if excess(middle) > 0.0 { low = middle } else { high = middle }
-    }
-    (low * high).sqrt()
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use super::config::Bounds;
 use super::estimate::Estimate;
 use super::lsqlin;
 use super::regression::{Reading, regress};
+use super::scatter::Assumed;
 use super::shape::{Shape, Truth};
 use super::system::limits;
 
@@ -23,6 +24,9 @@ pub struct Pair {
     pub secondary_noise: Vector3<f64>,
 }
 
+/// A secondary is mounted, and cross-couples, this far off the primary's axes where the model has no word for it (one
+/// standard deviation): two degrees.
+const MOUNTING: f64 = 0.035;
 /// Residuals below this are no reason to refuse, m/s².
 const ALLOWANCE: f64 = 0.05;
 
@@ -46,20 +50,21 @@ pub fn fit(
         truth_noise: inverse * Matrix3::from_diagonal(&pair.primary_noise) * inverse.transpose(),
     };
     let readings: Vec<_> = pairs.iter().map(reading).collect();
-    let regression = regress(shape, &readings, assumed_std, &limits(shape, |term| bounds.secondary(term)))?;
+    // Both sensors are placed anew each time.
+    let placement = assumed_std * std::f64::consts::SQRT_2;
+    let assumed = Assumed { placement, leak: MOUNTING };
+    let regression = regress(shape, &readings, assumed, &limits(shape, |term| bounds.secondary(term)))?;
 
     // A truth that moves by δ moves the solution like a reading that moves by −S δ; the truths move with the primary's
     // parameters by −S'⁻¹ J.
-    let through = shape.calibration(&regression.solved.solution.x).sensitivity * inverse;
-    let mut moved = DMatrix::zeros(regression.weights.len(), primary.shape.unknowns());
+    let solved = &regression.solved;
+    let through = shape.calibration(&solved.solution.x).sensitivity * inverse;
+    let mut moved = DMatrix::zeros(3 * readings.len(), primary.shape.unknowns());
     for (r, reading) in readings.iter().enumerate() {
         moved.rows_mut(3 * r, 3).copy_from(&(through * primary.shape.jacobian(&reading.truth)));
     }
-    for (mut row, weight) in moved.row_iter_mut().zip(&regression.weights) {
-        row *= *weight;
-    }
-    let mut covariance = regression.solved.covariance();
-    let by_primary = &covariance * regression.solved.design.tr_mul(&moved);
-    covariance += &by_primary * &primary.covariance * by_primary.transpose();
-    Ok(regression.estimate(covariance, ALLOWANCE))
+    solved.weigh(&mut moved);
+    let by_primary = solved.gain() * moved;
+    let other = &by_primary * &primary.covariance * by_primary.transpose();
+    Ok(regression.estimate(&other, ALLOWANCE))
 }

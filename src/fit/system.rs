@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::lsqlin::{self, Solution, lsqlin};
+use super::scatter::Block;
 use super::shape::{Shape, Term, Truth};
 
 /// Lower and upper bounds of the unknowns.
@@ -18,22 +19,36 @@ pub struct System {
     /// How the rows would answer to the entries of S that the model has no word for, weighted alike.
     leaks: Vec<f64>,
     targets: Vec<f64>,
+    rows: Vec<Row>,
+}
+
+/// How sure an equation is.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Variance of its target by noise alone.
+    pub noise: f64,
+    /// What a unit of variance between placements adds to that.
+    pub gain: f64,
+    /// What it was multiplied with.
+    weight: f64,
 }
 
 impl System {
     /// No equations yet.
     pub fn new(shape: Shape) -> Self {
-        Self { shape, design: Vec::new(), leaks: Vec::new(), targets: Vec::new() }
+        Self { shape, design: Vec::new(), leaks: Vec::new(), targets: Vec::new(), rows: Vec::new() }
     }
 
     /// Adds `direction · J(truth) · x = target`, J being the derivative of a reading by the unknowns, where the target has
-    /// that variance.
-    pub fn push(&mut self, direction: &Vector3<f64>, truth: &Truth, target: f64, variance: f64) {
-        let weight = 1.0 / variance.sqrt();
+    /// that variance by noise, and placements scatter with a variance of `between` along the direction.
+    pub fn push(&mut self, direction: &Vector3<f64>, truth: &Truth, target: f64, noise: f64, between: f64) {
+        let gain = direction.norm_squared();
+        let weight = 1.0 / (noise + gain * between).sqrt();
         let entry = |axis: usize, regressor: f64| weight * direction[axis] * regressor;
         self.design.extend(self.shape.terms().iter().map(|term| entry(term.axis(), term.regressor(truth))));
         self.leaks.extend(self.shape.unmodelled().map(|term| entry(term.axis(), term.regressor(truth))));
         self.targets.push(target * weight);
+        self.rows.push(Row { noise, gain, weight });
     }
 
     /// The weighted least-squares solution within the limits.
@@ -44,8 +59,10 @@ impl System {
         let rows = self.targets.len();
         let design = DMatrix::from_row_iterator(rows, self.shape.unknowns(), self.design);
         let leaks = DMatrix::from_row_iterator(rows, self.shape.unmodelled().count(), self.leaks);
-        let solution = lsqlin(&design, &DVector::from_vec(self.targets), low, high)?;
-        Ok(Solved { solution, design, leaks })
+        let targets = DVector::from_vec(self.targets);
+        let solution = lsqlin(&design, &targets, low, high)?;
+        let left = targets - &design * &solution.x;
+        Ok(Solved { solution, design, leaks, left, rows: self.rows })
     }
 }
 
@@ -56,22 +73,55 @@ pub struct Solved {
     pub solution: Solution,
     /// Weighted, equations × unknowns.
     pub design: DMatrix<f64>,
-    leaks: DMatrix<f64>,
+    /// How they answer to the entries of S that the model has no word for, weighted alike.
+    pub leaks: DMatrix<f64>,
+    /// What the solution left over, weighted.
+    left: DVector<f64>,
+    rows: Vec<Row>,
 }
 
 impl Solved {
-    /// Covariance of the unknowns by the variances that the equations were weighted with; NaN where there is none.
-    pub fn covariance(&self) -> DMatrix<f64> {
+    /// By how much the unknowns move with each weighted target, unknowns × equations; NaN where they are not determined.
+    pub fn gain(&self) -> DMatrix<f64> {
         let unknowns = self.design.ncols();
         let information = self.design.tr_mul(&self.design);
-        information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN))
+        let inverse = information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN));
+        inverse * self.design.transpose()
     }
 
-    /// What entries of S beyond the model, each of that standard deviation, do to the unknowns. They are the same at every
-    /// placement, so no repetition averages them away.
-    pub fn leakage(&self, covariance: &DMatrix<f64>, std: f64) -> DMatrix<f64> {
-        let by_leak = covariance * self.design.tr_mul(&self.leaks);
-        &by_leak * by_leak.transpose() * (std * std)
+    /// Covariance that independent errors of the equations give to the unknowns, which answer to them by `gain`.
+    pub fn spread(&self, gain: &DMatrix<f64>, variance: impl Fn(&Row) -> f64) -> DMatrix<f64> {
+        let mut scaled = gain.clone();
+        for (mut column, row) in scaled.column_iter_mut().zip(&self.rows) {
+            column *= row.weight * variance(row).sqrt();
+        }
+        &scaled * scaled.transpose()
+    }
+
+    /// Takes the weights from a matrix with a row for each equation, or puts them on.
+    pub fn weigh(&self, matrix: &mut DMatrix<f64>) {
+        matrix.row_iter_mut().zip(&self.rows).for_each(|(mut row, weight)| row *= weight.weight);
+    }
+
+    /// The equations before they were weighted: all of them, or those of one axis where each reading gave three in turn.
+    pub fn block(&self, shape: Shape, axis: Option<usize>) -> Block {
+        let of_axis = |term: Term| axis.is_none_or(|axis| term.axis() == axis);
+        let rows: Vec<_> = (0..self.rows.len()).filter(|r| axis.is_none_or(|axis| r % 3 == axis)).collect();
+        let terms: Vec<_> =
+            shape.terms().iter().enumerate().filter(|(_, term)| of_axis(**term)).map(|(k, _)| k).collect();
+        let leaks: Vec<_> = shape.unmodelled().enumerate().filter(|(_, term)| of_axis(*term)).map(|(k, _)| k).collect();
+        let plain = |matrix: &DMatrix<f64>, columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |r, c| {
+                matrix[(rows[r], columns[c])] / self.rows[rows[r]].weight
+            })
+        };
+        Block {
+            design: plain(&self.design, &terms),
+            leaks: plain(&self.leaks, &leaks),
+            residuals: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.left[r] / self.rows[r].weight)),
+            noise: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.rows[r].noise)),
+            gain: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.rows[r].gain)),
+        }
     }
 }
 

@@ -86,9 +86,8 @@ impl Trial {
 
     /// Whether both accelerometers have a calibration.
     pub fn is_calibrated(&self) -> bool {
-        let triads = [self.triad(Quantity::AccelBias), self.triad(Quantity::SecondaryBias)];
-        triads.into_iter().flatten().all(|(triad, _)| triad.status() != Status::Undetermined)
-            && self.calibration.is_some()
+        let triads = [Quantity::AccelBias, Quantity::SecondaryBias].map(|quantity| self.triad(quantity));
+        triads.iter().all(|triad| triad.is_some_and(|(triad, _)| triad.status() != Status::Undetermined))
     }
 
     pub fn is_confirmed(&self) -> bool {
@@ -112,27 +111,26 @@ impl Trial {
         })
     }
 
-    /// Whether the error of a corrected reading keeps to the published bound whatever the direction of gravity.
-    pub fn is_bounded(&self) -> Option<bool> {
-        let (triad, truth) = self.triad(Quantity::AccelBias)?;
-        let bound = triad.worst_case_error?;
-        let found = Matrix3::from_row_slice(&triad.sensitivity);
-        let inverse = found.try_inverse()?;
-        let truth_matrix = matrix(truth);
+    /// Whether the error of a corrected reading keeps to the published bound, for each of some directions of gravity;
+    /// none without a calibration.
+    pub fn are_bounded(&self) -> Vec<bool> {
+        let Some((triad, truth)) = self.triad(Quantity::AccelBias) else { return Vec::new() };
+        let inverse = Matrix3::from_row_slice(&triad.sensitivity).try_inverse();
+        let (Some(bound), Some(inverse)) = (triad.worst_case_error, inverse) else { return Vec::new() };
+        let bias = triad.bias.as_ref().map(vector).unwrap_or_default();
         let error = |up: Vector3<f64>| {
             let force = up * self.truth.gravity;
-            let measured = Vector3::from(truth.bias) + truth_matrix * force;
-            (inverse * (measured - triad.bias.as_ref().map(vector).unwrap_or_default()) - force).norm()
+            (inverse * (Vector3::from(truth.bias) + matrix(truth) * force - bias) - force).norm()
         };
-        // A spiral of directions.
-        const DIRECTIONS: u32 = 500;
-        let directions = (0..DIRECTIONS).map(|i| {
+        // A spiral over the sphere.
+        const DIRECTIONS: u32 = 50;
+        let direction = |i: u32| {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(DIRECTIONS);
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
             let r = (1.0 - z * z).sqrt();
             Vector3::new(r * cos, r * sin, z)
-        });
-        Some(directions.map(error).fold(0.0, f64::max) <= bound)
+        };
+        (0..DIRECTIONS).map(|i| error(direction(i)) <= bound).collect()
     }
 
     fn triad(&self, quantity: Quantity) -> Option<(&Triad, &TriadTruth)> {

@@ -1,0 +1,108 @@
+//! How well the unknowns of a fit are known: placements, noise, what the model has no word for, and whatever else the
+//! fit depends on, in one covariance. What placements scatter by is left to [`Scatter`].
+
+use nalgebra::DMatrix;
+
+use super::scatter::{Assumed, Scatter};
+use super::shape::{Shape, Term};
+use super::system::Solved;
+
+/// Which equations and unknowns share a scatter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sharing {
+    /// All of them: each placement gives one equation.
+    All,
+    /// Those of one axis, since every placement gives an equation of each in turn, and axes differ.
+    ByAxis,
+}
+
+/// What the equations of a fit tell of its errors.
+#[derive(Clone, Debug)]
+pub struct Bars {
+    sharing: Sharing,
+    scatter: Vec<Scatter>,
+    /// Root mean square of what is left over once the leaks are taken out, as far as they are credible; not weighted.
+    pub left_rms: f64,
+    /// How large the leaks are, by what is assumed and what the equations tell of them: a root mean square.
+    pub leak_rms: f64,
+}
+
+/// A leak so many standard deviations large is none: the model is wrong.
+const CREDIBLE: f64 = 4.0;
+
+impl Bars {
+    /// Learns from a solution; its weights do not matter.
+    pub fn learn(shape: Shape, solved: &Solved, sharing: Sharing, assumed: Assumed) -> Self {
+        let blocks: Vec<_> = match sharing {
+            Sharing::All => vec![solved.block(shape, None)],
+            Sharing::ByAxis => (0..3).map(|axis| solved.block(shape, Some(axis))).collect(),
+        };
+        let scatter: Vec<_> = blocks.iter().map(|block| Scatter::learn(std::slice::from_ref(block), assumed)).collect();
+        let (mut squares, mut count) = (0.0, 0);
+        let mut leaks = Vec::new();
+        for (block, scatter) in blocks.iter().zip(&scatter) {
+            let leaking = block.leaking(scatter.typical(), assumed.leak);
+            let credible = leaking.filter(|of| of.leaks.iter().all(|(leak, _)| leak.abs() <= CREDIBLE * assumed.leak));
+            squares += credible.as_ref().map_or(&block.residuals, |leaking| &leaking.left).norm_squared();
+            count += block.residuals.len();
+            leaks.extend(credible.into_iter().flat_map(|leaking| leaking.leaks));
+        }
+        let left_rms = (squares / count.max(1) as f64).sqrt();
+        let leak_rms = match leaks.len() {
+            0 => assumed.leak,
+            leaking => {
+                (leaks.iter().map(|(leak, variance)| leak * leak + variance).sum::<f64>() / leaking as f64).sqrt()
+            }
+        };
+        Self { sharing, scatter, left_rms, leak_rms }
+    }
+
+    /// The variance between placements to weight an axis' equations with.
+    pub fn between(&self, axis: usize) -> f64 {
+        self.of_axis(axis).typical()
+    }
+
+    /// Weighted sum of squares over its degrees of freedom, at what was assumed; `None` without redundancy.
+    pub fn chi2_per_dof(&self) -> Option<f64> {
+        let freedom = self.freedom();
+        let squares: f64 = self.scatter.iter().map(Scatter::squares).sum();
+        (freedom >= 0.5).then(|| squares / freedom)
+    }
+
+    /// The degrees of freedom of that.
+    pub fn freedom(&self) -> f64 {
+        self.scatter.iter().map(Scatter::freedom).sum()
+    }
+
+    /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability of
+    /// 95 %: Student's quantile is in it. `other` is what does not come from the equations.
+    pub fn covariance(&self, shape: Shape, solved: &Solved, other: &DMatrix<f64>) -> DMatrix<f64> {
+        let gain = solved.gain();
+        let by_leak = &gain * &solved.leaks * self.leak_rms;
+        let known = solved.spread(&gain, |row| row.noise) + &by_leak * by_leak.transpose() + other;
+        let placements = solved.spread(&gain, |row| row.gain);
+        let mut covariance = known.clone();
+        let mut stretch = Vec::new();
+        for (i, term) in shape.terms().iter().enumerate() {
+            let scatter = self.of(*term);
+            for (j, other) in shape.terms().iter().enumerate() {
+                let typical = (scatter.typical() * self.of(*other).typical()).sqrt();
+                covariance[(i, j)] += typical * placements[(i, j)];
+            }
+            let std = scatter.std(placements[(i, i)], known[(i, i)]);
+            stretch.push(if covariance[(i, i)] > 0.0 { std / covariance[(i, i)].sqrt() } else { 1.0 });
+        }
+        DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| covariance[(i, j)] * stretch[i] * stretch[j])
+    }
+
+    fn of(&self, term: Term) -> &Scatter {
+        self.of_axis(term.axis())
+    }
+
+    fn of_axis(&self, axis: usize) -> &Scatter {
+        match self.sharing {
+            Sharing::All => &self.scatter[0],
+            Sharing::ByAxis => &self.scatter[axis],
+        }
+    }
+}
