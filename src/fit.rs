@@ -24,7 +24,7 @@ mod worst;
 
 pub use calibration::Calibration;
 pub use config::{Bounds, Config, Estimator, Model};
-pub use estimate::{Estimate, directions};
+pub use estimate::{Estimate, Origin};
 pub use fixture::{Face, Fixture};
 pub use gravity::{EARTH_RATE, Gravity, Place, Source};
 pub use lsqlin::{Error, Solution, lsqlin};
@@ -33,3 +33,4 @@ pub use regression::Reading;
 pub use scatter::{Assumed, Block, Scatter};
 pub use shape::{Shape, Term, Truth};
 pub use system::{Limits, Row, Solved, System, limits};
+pub use worst::directions;

@@ -31,13 +31,13 @@ pub(super) fn placements(entries: &[Entry], fixture: &Fixture, poses: Poses, ste
         means.push(&entry.rest.accelerometer);
     }
     groups
-        .into_values()
-        .filter_map(|(face, means)| {
+        .into_iter()
+        .filter_map(|((placement, _), (face, means))| {
             let normal = fixture.faces().get(face)?.normal;
             let (mean, noise) = pooled(&means);
             // However long a rest, what rounding does to its mean stays.
             let noise = noise + rounding(means.first()?, step);
-            Some(Placed { face, observation: Observation { mean, noise, normal } })
+            Some(Placed { face, observation: Observation { placement, mean, noise, normal } })
         })
         .collect()
 }
@@ -46,17 +46,18 @@ pub(super) fn placements(entries: &[Entry], fixture: &Fixture, poses: Poses, ste
 pub(super) fn pairs(entries: &[Entry], secondary: usize) -> Vec<Pair> {
     let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
-        if let Some(Some(second)) = entry.rest.secondary.get(secondary) {
+        let second = entry.rest.secondary.get(secondary).and_then(Option::as_ref);
+        if let Some(second) = second.filter(|mean| mean.clipped == 0) {
             let (primary, secondary) = groups.entry(entry.rest.placement).or_default();
             primary.push(&entry.rest.accelerometer);
             secondary.push(second);
         }
     }
-    let pair = |(first, second): (Vec<&TriadMean>, Vec<&TriadMean>)| {
+    let pair = |(placement, (first, second)): (u32, (Vec<&TriadMean>, Vec<&TriadMean>))| {
         let ((primary, primary_noise), (secondary, secondary_noise)) = (pooled(&first), pooled(&second));
-        Pair { primary, secondary, primary_noise, secondary_noise }
+        Pair { placement, primary, secondary, primary_noise, secondary_noise }
     };
-    groups.into_values().map(pair).collect()
+    groups.into_iter().map(pair).collect()
 }
 
 /// What the gyroscope read during each placement that is no turn, beside the specific force as far as it is known.

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Vector3};
 use super::bars::{Bars, Sharing};
 use super::calibration::Calibration;
 use super::config::{Bounds, Estimator};
-use super::estimate::Estimate;
+use super::estimate::{Estimate, Origin};
 use super::gravity::Gravity;
 use super::lsqlin;
 use super::scatter::Assumed;
@@ -21,6 +21,8 @@ use super::system::{Solved, System, limits};
 /// What one placement read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
+    /// Number of the placement.
+    pub placement: u32,
     /// Mean of the raw readings, m/s².
     pub mean: Vector3<f64>,
     /// Variance of that mean by noise alone, per axis, (m/s²)².
@@ -157,10 +159,18 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars,
     let weights: f64 = lines.iter().map(weight).sum();
     let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
+    let gain = stage.solved.gain();
+    let by_gravity = by_gravity(given, &stage.calibration);
+    let numbers = observations.iter().map(|seen| seen.placement);
+    let origin = Origin {
+        systematic: bars.leakage(&stage.solved, &gain) + &by_gravity,
+        influence: numbers.zip(stage.solved.influence(&gain)).collect(),
+        between: bars.between_placements(),
+    };
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
-        covariance: bars.covariance(given.shape, &stage.solved, &by_gravity(given, &stage.calibration)),
+        covariance: bars.covariance(given.shape, &stage.solved, &by_gravity),
         unmodelled_std: bars.leak_rms,
         residual_rms: (squares / weights).sqrt(),
         residual_limit: (5.0 * libm::hypot(white.sqrt(), given.placement_std)).max(ALLOWANCE),
@@ -168,6 +178,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars,
         freedom: bars.freedom(),
         condition: stage.solved.solution.condition,
         active: stage.solved.solution.active,
+        origin: Some(origin),
     }
 }
 

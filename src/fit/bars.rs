@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use super::scatter::{Assumed, Scatter};
 use super::shape::{Shape, Term};
-use super::system::Solved;
+use super::system::{Row, Solved};
 
 /// Which equations and unknowns share a scatter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,13 +74,25 @@ impl Bars {
         self.scatter.iter().map(Scatter::freedom).sum()
     }
 
+    /// The same: likeliest, and such that 1.96 of its roots bound 95 %.
+    pub fn between_placements(&self) -> [f64; 2] {
+        let scatter = self.of_axis(0);
+        [scatter.typical(), scatter.std(1.0, 0.0).powi(2)]
+    }
+
+    /// What unmodelled leaks do to the unknowns, which are the same at every placement, so that no repetition averages
+    /// them away.
+    pub fn leakage(&self, solved: &Solved, gain: &DMatrix<f64>) -> DMatrix<f64> {
+        let by_leak = gain * &solved.leaks * self.leak_rms;
+        &by_leak * by_leak.transpose()
+    }
+
     /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability of
     /// 95 %: Student's quantile is in it. `other` is what does not come from the equations.
     pub fn covariance(&self, shape: Shape, solved: &Solved, other: &DMatrix<f64>) -> DMatrix<f64> {
         let gain = solved.gain();
-        let by_leak = &gain * &solved.leaks * self.leak_rms;
-        let known = solved.spread(&gain, |row| row.noise) + &by_leak * by_leak.transpose() + other;
-        let placements = solved.spread(&gain, |row| row.gain);
+        let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + other;
+        let placements = solved.spread(&gain, Row::gain);
         let mut covariance = known.clone();
         let mut stretch = Vec::new();
         for (i, term) in shape.terms().iter().enumerate() {

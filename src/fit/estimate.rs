@@ -1,6 +1,6 @@
 //! What a fit of any triad comes to: parameters, their uncertainty, and how well the rests agree with them.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, MatrixXx3};
 
 use super::calibration::Calibration;
 use super::shape::Shape;
@@ -30,6 +30,19 @@ pub struct Estimate {
     pub condition: f64,
     /// Parameters held back by a bound, by their place in the parameter vector.
     pub active: Vec<usize>,
+    /// Where the errors of a primary accelerometer come from, for what is compared with it.
+    pub origin: Option<Origin>,
+}
+
+/// The errors of parameters by their causes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    /// Covariance by what is the same at every placement.
+    pub systematic: DMatrix<f64>,
+    /// How the parameters move with the mean of a placement, by its number: unknowns × 3.
+    pub influence: Vec<(u32, MatrixXx3<f64>)>,
+    /// Variance between placements, per axis: likeliest, and such that 1.96 of its roots bound 95 %.
+    pub between: [f64; 2],
 }
 
 impl Estimate {

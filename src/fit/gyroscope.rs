@@ -3,6 +3,7 @@
 
 use nalgebra::DMatrix;
 
+use super::bars::Sharing;
 use super::config::Bounds;
 use super::estimate::Estimate;
 use super::gravity::EARTH_RATE;
@@ -19,7 +20,7 @@ use super::system::limits;
 /// If the placements do not determine the parameters, or the solver fails.
 pub fn fit(shape: Shape, readings: &[Reading], assumed_std: f64, bounds: &Bounds) -> Result<Estimate, lsqlin::Error> {
     let assumed = Assumed { placement: assumed_std, leak: 0.0 };
-    let regression = regress(shape, readings, assumed, &limits(shape, |term| bounds.gyroscope(term)))?;
+    let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits(shape, |term| bounds.gyroscope(term)))?;
     let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max);
     for (i, term) in shape.terms().iter().enumerate() {

@@ -42,6 +42,7 @@ pub(super) fn regress(
     shape: Shape,
     readings: &[Reading],
     assumed: Assumed,
+    sharing: Sharing,
     limits: &Limits,
 ) -> Result<Regression, lsqlin::Error> {
     let solve = |between: &Vector3<f64>, calibration: &Calibration| {
@@ -59,7 +60,7 @@ pub(super) fn regress(
     // The sensitivity and the scatter that the first regression shows set the weights of the second.
     let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default())?;
     let calibration = shape.calibration(&first.solution.x);
-    let bars = Bars::learn(shape, &first, Sharing::ByAxis, assumed);
+    let bars = Bars::learn(shape, &first, sharing, assumed);
     let solved = solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration)?;
     let white: f64 = readings.iter().map(|reading| noise(reading, &calibration).sum()).sum();
     let white_rms = (white / (3 * readings.len()).max(1) as f64).sqrt();
@@ -82,6 +83,7 @@ impl Regression {
             condition: solved.solution.condition,
             active: solved.solution.active.clone(),
             parameters: solved.solution.x,
+            origin: None,
         }
     }
 }

@@ -1,19 +1,24 @@
 //! A secondary accelerometer's calibration: regression on the calibrated primary over all rests, tilted ones included,
 //! since both feel the same gravity whatever its direction.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
+use super::bars::Sharing;
 use super::config::Bounds;
 use super::estimate::Estimate;
 use super::lsqlin;
 use super::regression::{Reading, regress};
 use super::scatter::Assumed;
 use super::shape::{Shape, Truth};
-use super::system::limits;
+use super::system;
 
 /// What both sensors read during one placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair {
+    /// Number of the placement.
+    pub placement: u32,
     /// Raw mean of the primary, m/s².
     pub primary: Vector3<f64>,
     /// Raw mean of the secondary, m/s².
@@ -43,28 +48,43 @@ pub fn fit(
 ) -> Result<Estimate, lsqlin::Error> {
     let calibration = primary.calibration();
     let inverse = calibration.inverse();
+    let [typical, between] = primary.origin.as_ref().map_or([0.0; 2], |origin| origin.between);
+    let placed = |pair: &Pair, between: f64| Matrix3::from_diagonal(&pair.primary_noise.add_scalar(between));
     let reading = |pair: &Pair| Reading {
         mean: pair.secondary,
         noise: pair.secondary_noise,
         truth: Truth::of(calibration.correct(&pair.primary)),
-        truth_noise: inverse * Matrix3::from_diagonal(&pair.primary_noise) * inverse.transpose(),
+        truth_noise: inverse * placed(pair, typical) * inverse.transpose(),
     };
     let readings: Vec<_> = pairs.iter().map(reading).collect();
-    // Both sensors are placed anew each time.
-    let placement = assumed_std * std::f64::consts::SQRT_2;
-    let assumed = Assumed { placement, leak: MOUNTING };
-    let regression = regress(shape, &readings, assumed, &limits(shape, |term| bounds.secondary(term)))?;
+    let assumed = Assumed { placement: assumed_std, leak: MOUNTING };
+    let limits = system::limits(shape, |term| bounds.secondary(term));
+    let regression = regress(shape, &readings, assumed, Sharing::All, &limits)?;
 
-    // A truth that moves by δ moves the solution like a reading that moves by −S δ; the truths move with the primary's
-    // parameters by −S'⁻¹ J.
     let solved = &regression.solved;
+    // A truth that moves by δ moves the solution like a reading that moves by −S δ. Truths move with the mean of the
+    // primary by S'⁻¹, and with the primary's parameters, which that mean may have been fitted to, by −S'⁻¹ J.
     let through = shape.calibration(&solved.solution.x).sensitivity * inverse;
-    let mut moved = DMatrix::zeros(3 * readings.len(), primary.shape.unknowns());
-    for (r, reading) in readings.iter().enumerate() {
-        moved.rows_mut(3 * r, 3).copy_from(&(through * primary.shape.jacobian(&reading.truth)));
+    let influence: Vec<_> = solved.influence(&solved.gain()).collect();
+    let by_mean: Vec<_> = influence.chunks_exact(3).map(|axes| (&axes[0] + &axes[1] + &axes[2]) * through).collect();
+    let mut by_parameters = DMatrix::zeros(shape.unknowns(), primary.shape.unknowns());
+    for (by_mean, reading) in by_mean.iter().zip(&readings) {
+        by_parameters += by_mean * primary.shape.jacobian(&reading.truth);
     }
-    solved.weigh(&mut moved);
-    let by_primary = solved.gain() * moved;
-    let other = &by_primary * &primary.covariance * by_primary.transpose();
+    let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
+    let fitted = primary.origin.iter().flat_map(|origin| &origin.influence);
+    let fitted: BTreeMap<_, _> = fitted.map(|(placement, influence)| (*placement, influence)).collect();
+    for (pair, by_mean) in pairs.iter().zip(by_mean) {
+        // The regression took the means of the primary for independent of its parameters.
+        other -= &by_mean * placed(pair, typical) * by_mean.transpose();
+        let all = match fitted.get(&pair.placement) {
+            Some(influence) => &by_parameters * *influence - by_mean,
+            None => by_mean,
+        };
+        other += &all * placed(pair, between) * all.transpose();
+    }
+    if let Some(origin) = &primary.origin {
+        other += &by_parameters * &origin.systematic * by_parameters.transpose();
+    }
     Ok(regression.estimate(&other, ALLOWANCE))
 }

@@ -1,7 +1,7 @@
 //! Weighted linear equations about the unknowns of a [`Shape`], solved within bounds. What the equations say is left to
 //! whoever writes them: regressions, and the steps of refinements.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
 use super::lsqlin::{self, Solution, lsqlin};
 use super::scatter::Block;
@@ -27,10 +27,17 @@ pub struct System {
 pub struct Row {
     /// Variance of its target by noise alone.
     pub noise: f64,
-    /// What a unit of variance between placements adds to that.
-    pub gain: f64,
+    /// How the target moves with the mean that it comes from; a placement moves the mean by as much on every axis.
+    pub direction: Vector3<f64>,
     /// What it was multiplied with.
     weight: f64,
+}
+
+impl Row {
+    /// What a unit of variance between placements adds to the variance of the target.
+    pub fn gain(&self) -> f64 {
+        self.direction.norm_squared()
+    }
 }
 
 impl System {
@@ -42,13 +49,14 @@ impl System {
     /// Adds `direction · J(truth) · x = target`, J being the derivative of a reading by the unknowns, where the target has
     /// that variance by noise, and placements scatter with a variance of `between` along the direction.
     pub fn push(&mut self, direction: &Vector3<f64>, truth: &Truth, target: f64, noise: f64, between: f64) {
-        let gain = direction.norm_squared();
-        let weight = 1.0 / (noise + gain * between).sqrt();
+        let mut row = Row { noise, direction: *direction, weight: 1.0 };
+        row.weight = 1.0 / (noise + row.gain() * between).sqrt();
+        let weight = row.weight;
         let entry = |axis: usize, regressor: f64| weight * direction[axis] * regressor;
         self.design.extend(self.shape.terms().iter().map(|term| entry(term.axis(), term.regressor(truth))));
         self.leaks.extend(self.shape.unmodelled().map(|term| entry(term.axis(), term.regressor(truth))));
         self.targets.push(target * weight);
-        self.rows.push(Row { noise, gain, weight });
+        self.rows.push(row);
     }
 
     /// The weighted least-squares solution within the limits.
@@ -98,9 +106,9 @@ impl Solved {
         &scaled * scaled.transpose()
     }
 
-    /// Takes the weights from a matrix with a row for each equation, or puts them on.
-    pub fn weigh(&self, matrix: &mut DMatrix<f64>) {
-        matrix.row_iter_mut().zip(&self.rows).for_each(|(mut row, weight)| row *= weight.weight);
+    /// By how much the unknowns move with the mean of each equation: unknowns × 3.
+    pub fn influence(&self, gain: &DMatrix<f64>) -> impl Iterator<Item = MatrixXx3<f64>> {
+        gain.column_iter().zip(&self.rows).map(|(column, row)| column * row.weight * row.direction.transpose())
     }
 
     /// The equations before they were weighted: all of them, or those of one axis where each reading gave three in turn.
@@ -120,7 +128,7 @@ impl Solved {
             leaks: plain(&self.leaks, &leaks),
             residuals: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.left[r] / self.rows[r].weight)),
             noise: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.rows[r].noise)),
-            gain: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.rows[r].gain)),
+            gain: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.rows[r].gain())),
         }
     }
 }

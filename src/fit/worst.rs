@@ -95,7 +95,7 @@ fn length_95(covariance: &Matrix3<f64>) -> f64 {
 }
 
 /// Faces, edges and corners of a cube.
-fn directions() -> impl Iterator<Item = Vector3<f64>> {
+pub fn directions() -> impl Iterator<Item = Vector3<f64>> {
     let axis = [-1.0, 0.0, 1.0];
     axis.into_iter()
         .flat_map(move |x| axis.into_iter().flat_map(move |y| axis.into_iter().map(move |z| Vector3::new(x, y, z))))
