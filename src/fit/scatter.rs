@@ -316,7 +316,7 @@ mod tests {
 
     #[test]
     fn intervals_hold_as_often_as_they_say_when_the_assumption_is_wrong() {
-        for count in [5, 7, 13, 40] {
+        for count in [7, 13, 40] {
             for (placement, noise) in [(0.03, 0.002), (0.003, 0.0005), (0.003, 0.002), (0.01, 0.01)] {
                 let covered = coverage(count, placement, noise);
                 assert!((93.0..97.5).contains(&covered), "{count} readings, {placement} and {noise}: {covered} %");
