@@ -36,6 +36,8 @@ pub enum Command {
     Topics(Topics),
     /// The calibration of a recording, for other programs
     Export(Export),
+    /// A calibration that another program wrote, as our own: to compare with, or to correct by
+    Import(Import),
     /// Take the annotations out again: the original, byte for byte
     Strip(Strip),
     /// Make a recording with known truth
@@ -53,6 +55,16 @@ pub struct Configuration {
     /// One setting over the file, for example still.min_fit_s=2; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct Against {
+    /// An earlier calibration in any format of export: say how far the sensor has moved since
+    #[arg(long, value_name = "FILE")]
+    pub against: Option<PathBuf>,
+    /// Which way the axes of the recording point, if --against is an autopilot's
+    #[arg(long, requires = "against")]
+    pub axes: Option<Axes>,
 }
 
 #[derive(Debug, Args)]
@@ -88,6 +100,8 @@ pub struct Annotate {
     #[arg(long)]
     pub sync: bool,
     #[command(flatten)]
+    pub against: Against,
+    #[command(flatten)]
     pub configuration: Configuration,
 }
 
@@ -106,6 +120,27 @@ pub struct Export {
     /// What to write
     #[arg(long)]
     pub format: Format,
+    /// Which IMU, where a format holds one and there are several
+    #[arg(long, value_name = "NAME")]
+    pub imu: Option<String>,
+    /// A secondary accelerometer instead of the primary one (imu-calib, px4, ardupilot)
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
+    /// The recording holds raw readings, which PX4 and ArduPilot apply their parameters to
+    #[arg(long)]
+    pub raw: bool,
+    /// The parameters that the autopilot had corrected the recorded readings with, to be composed with
+    #[arg(long, value_name = "FILE", conflicts_with = "raw")]
+    pub in_force: Option<PathBuf>,
+    /// Which way the axes of the recording point: forward-left-up (ROS) or forward-right-down
+    #[arg(long)]
+    pub axes: Option<Axes>,
+    /// Which of the autopilot's sensors
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub slot: u8,
+    /// Random walks for Kalibr's input, in m/s³/√Hz and rad/s²/√Hz, from hours at rest
+    #[arg(long, value_name = "ACCEL,GYRO", value_delimiter = ',')]
+    pub random_walk: Option<Vec<f64>>,
     /// Where to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -118,7 +153,44 @@ pub struct Export {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Format {
+    /// Everything, for programs
     Json,
+    /// The same as YAML
+    Yaml,
+    /// Intrinsics in the layout of Kalibr's results
+    Kalibr,
+    /// Kalibr's imu.yaml: noise densities and rate
+    KalibrInput,
+    /// SM and bias of dpkoch/imu_calib
+    ImuCalib,
+    /// CAL_ACC*, CAL_GYRO* for QGroundControl
+    Px4,
+    /// INS_ACC*, INS_GYR* for ground stations
+    Ardupilot,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Axes {
+    Flu,
+    Frd,
+}
+
+#[derive(Debug, Args)]
+pub struct Import {
+    /// JSON or YAML of export, Kalibr's imu0: layout, imu_calib, or parameters of PX4 or ArduPilot
+    pub calibration: PathBuf,
+    /// Topic of the IMU that it is of, if the file does not say
+    #[arg(long)]
+    pub topic: Option<String>,
+    /// Which way the axes of the recordings point, for parameters of an autopilot
+    #[arg(long)]
+    pub axes: Option<Axes>,
+    /// Where to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -3,7 +3,7 @@
 mod annotate;
 mod config;
 mod export;
-mod json;
+mod import;
 mod progress;
 mod simulate;
 mod strip;
@@ -16,9 +16,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use stillpoint::config::{Config, Layer};
-use stillpoint::{Error, run::Stop};
+use stillpoint::run::{Partial, Stop};
+use stillpoint::{Error, report};
 
-use crate::cli::{Cli, Command, Configuration};
+use crate::cli::{Axes, Cli, Command, Configuration};
 
 /// Runs a command to its end; what made it fail has been said.
 pub fn run(cli: Cli, stop: &Stop) -> Code {
@@ -27,6 +28,7 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
         Command::Annotate(args) => annotate::run(&args, json, stop),
         Command::Topics(args) => topics::run(&args, json, stop),
         Command::Export(args) => export::run(&args, stop),
+        Command::Import(args) => import::run(&args),
         Command::Strip(args) => strip::run(&args, json, stop),
         Command::Simulate(args) => simulate::run(&args, json),
         Command::Config(verb) => config::run(verb, json),
@@ -86,6 +88,35 @@ fn layer(path: &Path) -> Result<Layer, Error> {
     let unreadable = |source| Error::Io { doing: "read the configuration", path: path.into(), source };
     let text = text.map_err(|e| Error::Usage(unreadable(e).to_string()))?;
     Ok(Layer::file(&path.display().to_string(), &text))
+}
+
+/// Refuses an output that exists, before any work is done for it.
+fn check_free(output: Option<&Path>, force: bool) -> Result<(), Error> {
+    match output {
+        Some(path) if path.exists() && !force => Err(Error::Exists(path.to_owned())),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a text where it was asked for: a new file, or standard output.
+fn write(text: &str, output: Option<&Path>, force: bool) -> Result<(), Error> {
+    check_free(output, force)?;
+    let Some(path) = output else { return print(text) };
+    let partial = Partial::create(path)?;
+    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
+    partial.finish(false)
+}
+
+/// A file of text; anything else is said to be none.
+fn text_of(path: &Path) -> Result<String, Error> {
+    std::fs::read_to_string(path).map_err(Error::io("read", path))
+}
+
+fn axes(typed: Option<Axes>) -> Option<report::Axes> {
+    typed.map(|axes| match axes {
+        Axes::Flu => report::Axes::Flu,
+        Axes::Frd => report::Axes::Frd,
+    })
 }
 
 /// Prints a result on standard output. A reader that has seen enough is no error.

@@ -21,6 +21,7 @@
 //! * [`messages`]: the annotations as types, generated from `schemas/`.
 //! * [`simulate`]: recordings with known truth.
 //! * [`config`]: the configuration file.
+//! * [`report`]: what was learned, for people and in the formats of other programs.
 //! * [`run`]: the shell. Files, signals and threads live here and nowhere else.
 //!
 //! Every layer but `run` is pure: no file, clock, socket or async runtime. What comes out is a function of what went
@@ -39,6 +40,7 @@ pub mod fit;
 pub mod imu;
 pub mod messages;
 pub mod record;
+pub mod report;
 pub mod run;
 pub mod simulate;
 pub mod still;

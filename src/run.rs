@@ -4,7 +4,6 @@
 
 mod batch;
 mod channels;
-mod findings;
 mod in_place;
 mod learn;
 mod output;
@@ -17,7 +16,6 @@ mod strip;
 
 pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use channels::{Channels, Use, channels};
-pub use findings::Findings;
 pub use in_place::Access;
 pub use output::Written;
 pub use partial::Partial;

@@ -5,28 +5,30 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use stillpoint::config::Config;
+use stillpoint::report::{self, Findings};
 use stillpoint::run::{self, Access, Form, Options, Recording, Report, Stop, Written};
 use stillpoint::{Error, imu::Verdict};
 use tracing::{info, warn};
 
 use super::progress::Progress;
-use super::{Code, configuration, json, print_json, summary};
+use super::{Code, configuration, import, print_json, summary};
 use crate::cli;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let outputs = outputs(args)?;
+    let earlier = import::against(&args.against)?;
     let mut gravest = Code::Done;
     for (input, output) in args.inputs.iter().zip(&outputs) {
         let code = match one(input, output, args, &config, stop) {
             Ok((report, written)) => {
                 if json {
-                    print_json(&result(input, output, &report))?;
+                    print_json(&result(input, output, &report, earlier.as_deref()))?;
                 }
                 if args.inputs.len() > 1 {
                     info!("{}", input.display());
                 }
-                say(output, &report, written);
+                say(output, &report, written, earlier.as_deref());
                 code(args, &report)
             }
             Err(error) => {
@@ -106,22 +108,26 @@ fn code(args: &cli::Annotate, report: &Report) -> Code {
     }
 }
 
-fn result(input: &Path, output: &Path, report: &Report) -> serde_json::Value {
+fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
     let damage = report
         .damage
         .iter()
         .map(|damage| json!({"offset": damage.offset, "bytes": damage.length, "what": damage.what}));
-    json!({
+    let mut result = json!({
         "input": input,
         "output": output,
-        "imus": json::imus(&report.imus),
-        "rests": json::rests(&report.imus),
+        "imus": report::imus(&report.imus),
+        "rests": report::rests(&report.imus),
         "messages": report.messages,
         "damage": {"count": report.damages, "found": damage.collect::<serde_json::Value>()},
-    })
+    });
+    if let Some(earlier) = earlier {
+        result["drift"] = report.imus.iter().map(|imu| report::drifts(imu, earlier)).collect();
+    }
+    result
 }
 
-fn say(output: &Path, report: &Report, written: Written) {
+fn say(output: &Path, report: &Report, written: Written, earlier: Option<&[Findings]>) {
     for (reason, topics) in skipped(report) {
         warn!("{}: {reason}", topics.join(", "));
     }
@@ -130,7 +136,7 @@ fn say(output: &Path, report: &Report, written: Written) {
     if report.damages > report.damage.len() as u64 {
         warn!("{} damages in all", report.damages);
     }
-    report.imus.iter().for_each(|imu| info!("{}", summary::imu(imu)));
+    report.imus.iter().for_each(|imu| info!("{}", summary::imu(imu, earlier)));
     match written {
         Written::Now => info!("wrote {}", output.display()),
         Written::Before => info!("{} is already the result of this: nothing to do", output.display()),

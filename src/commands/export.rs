@@ -1,31 +1,56 @@
 //! `stillpoint export`: the calibration for other programs.
 
-use std::io::Write as _;
-
-use serde_json::json;
 use stillpoint::Error;
-use stillpoint::run::{self, Partial, Recording, Stop};
+use stillpoint::report::{self, Format, Options, Parameters, Readings};
+use stillpoint::run::{self, Recording, Stop};
 
 use super::progress::Progress;
-use super::{Code, configuration, json, print};
+use super::{Code, axes, check_free, configuration, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
+    let options = options(args)?;
+    check_free(args.output.as_deref(), args.force)?;
     let recording = Recording::open(&args.input)?;
     let findings = {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?
     };
-    let text = match args.format {
-        cli::Format::Json => format!("{:#}\n", json!({"imus": json::imus(&findings)})),
-    };
-    let Some(path) = &args.output else { return print(&text).map(|()| Code::Done) };
-    if path.exists() && !args.force {
-        return Err(Error::Exists(path.clone()));
-    }
-    let partial = Partial::create(path)?;
-    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
-    partial.finish(false)?;
+    let exported = report::export(&findings, format(args.format), &options)
+        .map_err(|error| Error::input(&args.input, error.to_string()))?;
+    exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    write(&exported.text, args.output.as_deref(), args.force)?;
     Ok(Code::Done)
+}
+
+fn options(args: &cli::Export) -> Result<Options, Error> {
+    let readings = match &args.in_force {
+        Some(path) => {
+            let parameters = Parameters::parse(&text_of(path)?);
+            let unknown = "is no parameter file; save one from the ground station";
+            Readings::Corrected(parameters.ok_or_else(|| Error::input(path, unknown))?)
+        }
+        None if args.raw => Readings::Raw,
+        None => Readings::Unsaid,
+    };
+    let random_walk = match args.random_walk.as_deref() {
+        Some(&[accel, gyro]) if accel > 0.0 && gyro > 0.0 => Some([accel, gyro]),
+        Some(_) => return Err(Error::Usage("--random-walk takes two positive numbers: ACCEL,GYRO".to_owned())),
+        None => None,
+    };
+    let (imu, sensor) = (args.imu.clone(), args.sensor.clone());
+    Ok(Options { imu, sensor, readings, axes: axes(args.axes), slot: args.slot, random_walk })
+}
+
+fn format(typed: cli::Format) -> Format {
+    match typed {
+        cli::Format::Json => Format::Json,
+        cli::Format::Yaml => Format::Yaml,
+        cli::Format::Kalibr => Format::Kalibr,
+        cli::Format::KalibrInput => Format::KalibrInput,
+        cli::Format::ImuCalib => Format::ImuCalib,
+        cli::Format::Px4 => Format::Px4,
+        cli::Format::Ardupilot => Format::Ardupilot,
+    }
 }

@@ -2,39 +2,28 @@
 //! why, and what to do next.
 
 use console::{measure_text_width, style};
-use stillpoint::messages::triad::{Model, Status};
+use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Face, Segment, Triad, Vector3};
-use stillpoint::run::Findings;
+use stillpoint::report::{Change, Findings, drift, estimate, model};
 
-use super::table::{Table, estimate};
+use super::table::Table;
 
 /// Rejected rests that are listed; there may be thousands.
 const LISTED: usize = 12;
 
-/// The findings of one IMU, on several lines.
-pub fn imu(findings: &Findings) -> String {
+/// The findings of one IMU, on several lines; with the drift since an earlier calibration, if there is one.
+pub fn imu(findings: &Findings, earlier: Option<&[Findings]>) -> String {
     let mut lines = vec![heading(findings), rests(findings)];
     if let Some(coverage) = &findings.coverage {
         lines.extend(wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
     }
     lines.extend(calibration(findings));
+    lines.extend(earlier.iter().flat_map(|earlier| since(findings, earlier)));
     lines.extend(rejected(findings));
     if let Some(coverage) = &findings.coverage {
         lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
     }
     lines.join("\n")
-}
-
-/// The name of a measurement model, as in the configuration; `None` where there is none.
-pub fn model(model: Model) -> Option<&'static str> {
-    Some(match model {
-        Model::None => return None,
-        Model::Bias => "bias",
-        Model::BiasScale => "bias-scale",
-        Model::Triangular => "triangular",
-        Model::CrossAxis => "cross-axis",
-        Model::Full => "full",
-    })
 }
 
 fn heading(findings: &Findings) -> String {
@@ -65,7 +54,7 @@ fn calibration(findings: &Findings) -> Vec<String> {
     let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
     let mut table = Table::default();
     for triad in triads {
-        let unit = if triad.sensor == "gyroscope" { "rad/s" } else { "m/s²" };
+        let unit = unit(&triad.sensor);
         table.heading(format!("{}  {}", triad.sensor, verdict(triad)));
         if let (Some(bias), Some(std)) = (&triad.bias, &triad.bias_std) {
             table.row(row(&format!("  bias {unit}"), bias, std));
@@ -81,6 +70,43 @@ fn calibration(findings: &Findings) -> Vec<String> {
     let mut lines = vec![style("  measured = bias + scale · true").for_stderr().dim().to_string()];
     lines.extend(table.lines("  "));
     lines
+}
+
+/// How far the sensors moved since an earlier calibration.
+fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
+    let drifts = match drift(findings, earlier) {
+        Ok(drifts) => drifts,
+        Err(why) => return sentence("  drift    ", &why),
+    };
+    if drifts.is_empty() {
+        return vec!["  drift    none can be told: no triad is determined now and then".to_owned()];
+    }
+    let mut table = Table::default();
+    for drift in &drifts {
+        let verdict = match drift.is_significant() {
+            true => style("has moved").for_stderr().yellow(),
+            false => style("within the uncertainty").for_stderr().green(),
+        };
+        table.heading(format!("{}  {verdict}", drift.sensor));
+        let mut row = |name: String, changes: &Option<[Change; 3]>| {
+            if let Some(changes) = changes {
+                let cells = changes.map(|change| format!("{:+.5} ± {:.5}", change.by, change.std));
+                table.row([name].into_iter().chain(cells));
+            }
+        };
+        row(format!("  bias {}", unit(&drift.sensor)), &drift.bias);
+        row("  scale".to_owned(), &drift.scale);
+        if let Some(worst) = drift.worst {
+            table.heading(format!("  a reading corrected with the earlier one is off by up to {worst:.3} m/s²"));
+        }
+    }
+    let mut lines = vec![style("  drift: now less the earlier calibration").for_stderr().dim().to_string()];
+    lines.extend(table.lines("  "));
+    lines
+}
+
+fn unit(sensor: &str) -> &'static str {
+    if sensor == "gyroscope" { "rad/s" } else { "m/s²" }
 }
 
 fn verdict(triad: &Triad) -> String {
@@ -161,7 +187,7 @@ mod tests {
         let faces = faces.map(|(name, placements)| Face { name: name.into(), placements, seconds: 3.0, normal: None });
         let coverage = Coverage { faces: faces.to_vec(), next_step: "turn it".into(), ..Coverage::default() };
         let findings = Findings { coverage: Some(coverage), ..Findings::new("/imu", "/imu") };
-        let text = console::strip_ansi_codes(&imu(&findings)).into_owned();
+        let text = console::strip_ansi_codes(&imu(&findings, None)).into_owned();
         assert_eq!(text, "/imu\n  rests    none found\n  faces    +X 2× 3.0 s   -X missing\n  next     turn it");
     }
 }

@@ -54,15 +54,6 @@ impl Row {
     }
 }
 
-/// `value ± std` with as many decimals as the deviation gives meaning: two of its digits.
-pub fn estimate(value: f64, std: f64) -> String {
-    let decimals = match std {
-        std if std.is_finite() && std > 0.0 => (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize,
-        _ => 5,
-    };
-    format!("{value:.decimals$} ± {std:.decimals$}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,12 +66,5 @@ mod tests {
         table.heading("of its own width, however long".into());
         assert_eq!(table.lines("  ").pop().unwrap(), "  of its own width, however long");
         assert_eq!(table.lines("  ")[..2], ["  bias m/s²   1", "  x          \u{1b}[32m22\u{1b}[0m"]);
-    }
-
-    #[test]
-    fn an_estimate_has_the_digits_that_its_deviation_allows() {
-        assert_eq!(estimate(0.535_04, 0.005_9), "0.5350 ± 0.0059");
-        assert_eq!(estimate(-7.946, 0.012), "-7.946 ± 0.012");
-        assert_eq!(estimate(12.0, 34.0), "12 ± 34");
     }
 }

@@ -7,7 +7,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use super::findings::Findings;
 use super::learn::{Learned, Learner};
 use super::output::{Output, Written};
 use super::recording::{Recording, Watch};
@@ -16,6 +15,7 @@ use crate::Error;
 use crate::config::Config;
 use crate::imu::Verdict;
 use crate::record::{Block, Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
+use crate::report::Findings;
 
 /// How to annotate.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,6 @@
 
 use std::collections::BTreeMap;
 
-use super::findings::Findings;
 use crate::Stamp;
 use crate::annotate::Annotator;
 use crate::config::Config;
@@ -14,6 +13,7 @@ use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict}
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::record::{Block, Channel, Damage, Event, Schema, Topic};
+use crate::report::Findings;
 
 /// Damages that are told one by one; of further ones only the number is kept.
 const DAMAGES: usize = 100;
@@ -148,7 +148,9 @@ impl<'a> Learner<'a> {
         for imu in self.intake.imus().iter().skip(self.imus.len()) {
             let mut engine = Engine::new(engine_config(imu, self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
-            self.imus.push(Learning { engine, findings: Findings::new(&imu.name, &imu.topic) });
+            let source_type = self.source_type(&imu.topic);
+            let findings = Findings { source_type, ..Findings::new(&imu.name, &imu.topic) };
+            self.imus.push(Learning { engine, findings });
         }
         for notice in self.intake.take_notices() {
             self.log(Level::Warning, notice.text);
@@ -177,6 +179,13 @@ impl<'a> Learner<'a> {
                 format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
             self.log(Level::Info, text);
         }
+    }
+
+    /// Type of the messages on a topic.
+    fn source_type(&self, topic: &str) -> String {
+        let channel = self.channels.iter().find(|(channel, _)| channel.topic == topic);
+        let schema = channel.and_then(|(channel, _)| self.schemas.get(&channel.schema_id));
+        schema.map(|schema| schema.name.clone()).unwrap_or_default()
     }
 
     /// Annotates the events of an IMU.

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::batch::calibrate;
-use super::findings::Findings;
 use super::recording::{Recording, Watch};
 use crate::Error;
 use crate::annotate;
 use crate::config::Config;
 use crate::engine;
 use crate::record::Event;
+use crate::report::Findings;
 
 /// What is known of the IMUs of a recording or sidecar.
 ///
@@ -24,6 +24,7 @@ pub fn findings(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
 fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
     let mut schemas = BTreeMap::new();
     let mut channels = BTreeMap::new();
+    let mut types = BTreeMap::new();
     let mut imus = Vec::<Findings>::new();
     recording.scan(watch, |event| {
         match event {
@@ -31,7 +32,8 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
                 schemas.insert(schema.id, schema.name.clone());
             }
             Event::Channel(channel) => {
-                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let schema: String = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                types.insert(channel.topic.clone(), schema.clone());
                 if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
                     channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
                 }
@@ -55,6 +57,7 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
     for imu in &mut imus {
         let accelerometer = imu.calibration.as_ref().and_then(|calibration| calibration.accelerometer.as_ref());
         imu.topic = accelerometer.map_or_else(|| imu.name.clone(), |triad| triad.topic.clone());
+        imu.source_type = types.get(&imu.topic).cloned().unwrap_or_default();
     }
     Ok(imus)
 }

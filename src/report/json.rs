@@ -1,8 +1,9 @@
 //! Findings for machines: the shape of `export --format json`, which `annotate --json` shares.
 
 use serde_json::{Value, json};
-use stillpoint::messages::{Coverage, Triad, Vector3};
-use stillpoint::run::Findings;
+
+use super::{Change, Drift, Findings, drift, model};
+use crate::messages::{Coverage, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
 pub fn imus<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
@@ -15,6 +16,26 @@ pub fn rests<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
         .into_iter()
         .fold((0, 0), |(found, accepted), imu| (found + imu.rests.len(), accepted + imu.accepted()));
     json!({"found": found, "accepted": accepted, "rejected": found - accepted})
+}
+
+/// How far an IMU moved since an earlier calibration: a list of triads, or an error.
+pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
+    let changes = |changes: &Option<[Change; 3]>| {
+        changes.map(|changes| json!({"by": changes.map(|change| change.by), "std": changes.map(|change| change.std)}))
+    };
+    let one = |drift: &Drift| {
+        json!({
+            "sensor": drift.sensor,
+            "bias": changes(&drift.bias),
+            "scale": changes(&drift.scale),
+            "worst": drift.worst,
+            "significant": drift.is_significant(),
+        })
+    };
+    match drift(now, earlier) {
+        Ok(drifts) => json!({"topic": now.topic, "triads": drifts.iter().map(one).collect::<Value>()}),
+        Err(why) => json!({"topic": now.topic, "error": why}),
+    }
 }
 
 fn imu(findings: &Findings) -> Value {
@@ -56,7 +77,7 @@ fn triad(triad: Option<&Triad>) -> Value {
     json!({
         "sensor": text(&triad.sensor),
         "topic": text(&triad.topic),
-        "model": super::summary::model(triad.model()),
+        "model": model(triad.model()),
         "status": triad.status().as_str_name(),
         "bias": triad.bias.as_ref().map(vector),
         "sensitivity": matrix(&triad.sensitivity),
@@ -100,7 +121,7 @@ fn matrix_of_estimates(row_major: &[f64]) -> Option<Vec<Vec<Option<f64>>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint::messages::triad::{Model, Status};
+    use crate::messages::triad::{Model, Status};
 
     #[test]
     fn what_was_not_estimated_is_null() {

@@ -15,6 +15,8 @@ pub struct Findings {
     pub name: String,
     /// Topic of its accelerometer.
     pub topic: String,
+    /// Type of the messages on it; empty where it is not known, as beside a sidecar.
+    pub source_type: String,
     /// The rests by start, in nanoseconds; each with the last verdict.
     pub rests: BTreeMap<i64, Segment>,
     /// The faces seen, and the next step.
@@ -33,9 +35,7 @@ impl Findings {
     pub fn note(&mut self, event: &Event) {
         match &event.message {
             Message::Segment(segment) => {
-                let start = segment.start.unwrap_or_default();
-                let nanos = start.seconds.saturating_mul(1_000_000_000).saturating_add(start.nanos.into());
-                self.rests.insert(nanos, segment.clone());
+                self.rests.insert(super::nanos(&segment.start), segment.clone());
             }
             Message::Coverage(coverage) => self.coverage = Some(coverage.clone()),
             Message::Calibration(calibration) => self.calibration = Some((**calibration).clone()),

@@ -1,0 +1,34 @@
+//! `stillpoint import`: a calibration that another program wrote, as our own.
+
+use std::path::Path;
+
+use serde_json::json;
+use stillpoint::Error;
+use stillpoint::report::{self, Findings};
+
+use super::{Code, axes, text_of, write};
+use crate::cli;
+
+pub fn run(args: &cli::Import) -> Result<Code, Error> {
+    let mut imus = read(&args.calibration, args.axes)?;
+    if let Some(topic) = &args.topic {
+        let [imu] = imus.as_mut_slice() else {
+            let several = format!("--topic names one IMU, and {} holds {}", args.calibration.display(), imus.len());
+            return Err(Error::Usage(several));
+        };
+        (imu.name, imu.topic) = (topic.clone(), topic.clone());
+    }
+    let text = format!("{:#}\n", json!({"imus": report::imus(&imus)}));
+    write(&text, args.output.as_deref(), args.force)?;
+    Ok(Code::Done)
+}
+
+/// Reads a calibration in any format.
+pub fn read(path: &Path, typed: Option<cli::Axes>) -> Result<Vec<Findings>, Error> {
+    report::import(&text_of(path)?, axes(typed)).map_err(|error| Error::input(path, error.to_string()))
+}
+
+/// Reads the calibration to compare with, if there is one.
+pub fn against(typed: &cli::Against) -> Result<Option<Vec<Findings>>, Error> {
+    typed.against.as_ref().map(|path| read(path, typed.axes)).transpose()
+}

@@ -1,0 +1,128 @@
+//! How far a calibration has moved from an earlier one: axis by axis, and in what it means for a corrected reading.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Findings, calibration, matrix, vector};
+use crate::fit::Calibration;
+use crate::messages::triad::Status;
+use crate::messages::{self, Triad};
+
+/// How one triad moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drift {
+    /// "accelerometer", "gyroscope", or the secondary's name.
+    pub sensor: String,
+    /// Change of the bias, in the unit of the triad; absent where the earlier one is not known.
+    pub bias: Option<[Change; 3]>,
+    /// Change of the scale, if both have one.
+    pub scale: Option<[Change; 3]>,
+    /// Largest change of a corrected reading over all directions of gravity, m/s²: accelerometers only.
+    pub worst: Option<f64>,
+}
+
+/// Now less then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// By how much.
+    pub by: f64,
+    /// Standard deviation of the change, as far as the two calibrations state theirs.
+    pub std: f64,
+}
+
+impl Change {
+    /// Whether it is more than three standard deviations.
+    pub fn is_significant(self) -> bool {
+        self.by.abs() > 3.0 * self.std
+    }
+}
+
+impl Drift {
+    /// Whether anything moved by more than its uncertainty explains.
+    pub fn is_significant(&self) -> bool {
+        self.bias.iter().chain(&self.scale).flatten().any(|change| change.is_significant())
+    }
+}
+
+/// How the triads of an IMU moved since an earlier calibration; those that both determine.
+///
+/// # Errors
+///
+/// If the earlier calibration has several IMUs and none has the name or topic of this one.
+pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String> {
+    let named = |then: &&Findings| then.name == now.name || !then.topic.is_empty() && then.topic == now.topic;
+    let then = match (earlier.iter().find(named), earlier) {
+        (Some(then), _) | (None, [then]) => then,
+        _ => return Err(format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name)),
+    };
+    let (Some(now), Some(then)) = (&now.calibration, &then.calibration) else { return Ok(Vec::new()) };
+    let secondary = now.secondary.iter().filter_map(|triad| {
+        let then = then.secondary.iter().find(|then| then.sensor == triad.sensor)?;
+        moved(triad, then, Some(now.gravity))
+    });
+    let accelerometer = now.accelerometer.as_ref().zip(then.accelerometer.as_ref());
+    let gyroscope = now.gyroscope.as_ref().zip(then.gyroscope.as_ref());
+    let accelerometer = accelerometer.and_then(|(now_, then)| moved(now_, then, Some(now.gravity)));
+    let gyroscope = gyroscope.and_then(|(now, then)| moved(now, then, None));
+    Ok(accelerometer.into_iter().chain(gyroscope).chain(secondary).collect())
+}
+
+fn moved(now: &Triad, then: &Triad, gravity: Option<f64>) -> Option<Drift> {
+    let current = calibration(now)?;
+    if then.status() == Status::Undetermined {
+        return None;
+    }
+    let earlier = calibration(then);
+    let changes = |now: [Option<&messages::Vector3>; 2], then: [Option<&messages::Vector3>; 2]| {
+        let [value, std] = now.map(|v| v.map(vector));
+        let [before, std_before] = then.map(|v| v.map(vector));
+        let (by, std) = (value? - before?, std.unwrap_or_default());
+        let std = std.zip_map(&std_before.unwrap_or_default(), |a, b| (a * a + b * b).sqrt());
+        Some([0, 1, 2].map(|i| Change { by: by[i], std: std[i] }))
+    };
+    Some(Drift {
+        sensor: now.sensor.clone(),
+        bias: changes([now.bias.as_ref(), now.bias_std.as_ref()], [then.bias.as_ref(), then.bias_std.as_ref()]),
+        scale: changes([now.scale.as_ref(), now.scale_std.as_ref()], [then.scale.as_ref(), then.scale_std.as_ref()])
+            .filter(|_| matrix(&then.sensitivity).is_some()),
+        worst: gravity.zip(earlier).map(|(gravity, earlier)| worst(&current, &earlier, gravity)),
+    })
+}
+
+/// Largest ‖corrected with `earlier` − true‖ over all directions of a true value of length g, if `now` is right.
+///
+/// The difference is A·g·u + c over unit vectors u; its length is convex, so walking from a direction to the one that its
+/// gradient points in never lowers it, and fourteen starts find the highest peak.
+fn worst(now: &Calibration, earlier: &Calibration, gravity: f64) -> f64 {
+    let inverse = earlier.inverse();
+    let a = (inverse * now.sensitivity - Matrix3::identity()) * gravity;
+    let c = inverse * (now.bias - earlier.bias);
+    let starts = (0..27).map(|k| Vector3::new((k % 3 - 1) as f64, (k / 3 % 3 - 1) as f64, (k / 9 - 1) as f64));
+    let peak = |mut u: Vector3<f64>| {
+        for _ in 0..60 {
+            u = (a.transpose() * (a * u + c)).try_normalize(1e-300).unwrap_or(u);
+        }
+        (a * u + c).norm()
+    };
+    starts.filter_map(|start| start.try_normalize(0.5)).map(peak).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_direction_changes_by_more_than_the_worst(
+            s in prop::array::uniform9(-0.05..0.05), b in prop::array::uniform3(-1.0..1.0), u in prop::array::uniform3(-1.0..1.0)
+        ) {
+            let now = Calibration { bias: b.into(), sensitivity: Matrix3::identity() + Matrix3::from_row_slice(&s) };
+            let worst = worst(&now, &Calibration::default(), 9.8);
+            let Some(u) = Vector3::from(u).try_normalize(0.01) else { return Ok(()) };
+            let change = (Calibration::default().correct(&now.measure(&(u * 9.8))) - u * 9.8).norm();
+            prop_assert!(change <= worst * (1.0 + 1e-6), "{change} > {worst}");
+            // And some direction comes close: the bound of the triangle is never halved.
+            prop_assert!(worst >= now.bias.norm() * 0.99);
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Parameters of autopilots: `corrected = (raw − offset) · scale`, axis by axis, forward-right-down, m/s² and rad/s.
+//!
+//! Conventions: PX4 `src/lib/sensor_calibration/Accelerometer.hpp` and `Gyroscope.hpp` (`Correct`), ArduPilot
+//! `AP_InertialSensor_Backend.cpp` (`_rotate_and_correct_accel`, `_rotate_and_correct_gyro`). Both apply them to raw
+//! readings, before the rotation of the board.
+
+use super::{
+    Axes, ExportError, Exported, LEANER, Options, Readings, accelerometer, beyond, comments, gyroscope, heading,
+};
+use crate::fit::Calibration;
+use crate::messages::Triad;
+use crate::report::parameters::rounded;
+use crate::report::{Findings, Parameters};
+
+/// What two autopilots do not share.
+pub(super) struct Autopilot {
+    name: &'static str,
+    /// Names of a slot's parameters; `*` stands for the axis.
+    names: fn(u8) -> Option<Names>,
+    /// A line of the file; `true` for an integer.
+    line: fn(&str, f64, bool) -> String,
+    /// Parameters that turn the board, which stands between raw and corrected readings.
+    rotation: &'static str,
+    notes: &'static [&'static str],
+}
+
+/// Names of the parameters of one sensor.
+pub(in crate::report) struct Names {
+    pub(in crate::report) accel_offset: String,
+    pub(in crate::report) accel_scale: String,
+    pub(in crate::report) gyro_offset: String,
+    accel_id: String,
+    gyro_id: String,
+}
+
+pub(super) static PX4: Autopilot = Autopilot {
+    name: "PX4",
+    names: px4,
+    line: |name, value, integer| match integer {
+        true => format!("1\t1\t{name}\t{value}\t6\n"),
+        false => format!("1\t1\t{name}\t{}\t9\n", rounded(value)),
+    },
+    rotation: "SENS_BOARD_ROT",
+    notes: &[
+        "convention: PX4 src/lib/sensor_calibration/Accelerometer.hpp, Gyroscope.hpp (Correct)",
+        "vehicle, component, name, value, type, as QGroundControl loads them",
+    ],
+};
+
+pub(super) static ARDUPILOT: Autopilot = Autopilot {
+    name: "ArduPilot",
+    names: ardupilot,
+    line: |name, value, integer| match integer {
+        true => format!("{name},{value}\n"),
+        false => format!("{name},{}\n", rounded(value)),
+    },
+    rotation: "AHRS_ORIENTATION",
+    notes: &[
+        "convention: ArduPilot libraries/AP_InertialSensor/AP_InertialSensor_Backend.cpp (_rotate_and_correct_accel)",
+        "ArduPilot learns INS_GYROFFS at each start unless INS_GYR_CAL is 0",
+    ],
+};
+
+/// PX4's names of a slot.
+pub(in crate::report) fn px4(slot: u8) -> Option<Names> {
+    (slot < 4).then(|| Names {
+        accel_offset: format!("CAL_ACC{slot}_*OFF"),
+        accel_scale: format!("CAL_ACC{slot}_*SCALE"),
+        gyro_offset: format!("CAL_GYRO{slot}_*OFF"),
+        accel_id: format!("CAL_ACC{slot}_ID"),
+        gyro_id: format!("CAL_GYRO{slot}_ID"),
+    })
+}
+
+/// ArduPilot's names of a slot.
+pub(in crate::report) fn ardupilot(slot: u8) -> Option<Names> {
+    let (offset, scale, id) = match slot {
+        0 => ("INS_#OFFS_*", "INS_#SCAL_*", "INS_#_ID"),
+        1 => ("INS_#2OFFS_*", "INS_#2SCAL_*", "INS_#2_ID"),
+        2 => ("INS_#3OFFS_*", "INS_#3SCAL_*", "INS_#3_ID"),
+        3 => ("INS4_#OFFS_*", "INS4_#SCAL_*", "INS4_#_ID"),
+        4 => ("INS5_#OFFS_*", "INS5_#SCAL_*", "INS5_#_ID"),
+        _ => return None,
+    };
+    let of = |pattern: &str, sensor| pattern.replace('#', sensor);
+    Some(Names {
+        accel_offset: of(offset, "ACC"),
+        accel_scale: of(scale, "ACC"),
+        gyro_offset: of(offset, "GYR"),
+        accel_id: of(id, "ACC"),
+        gyro_id: of(id, "GYR"),
+    })
+}
+
+pub(super) fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Exported, ExportError> {
+    let Autopilot { name, .. } = *autopilot;
+    let names = (autopilot.names)(options.slot)
+        .ok_or_else(|| ExportError::Refused(format!("{name} has no sensor {}", options.slot)))?;
+    let before = in_force(autopilot, &names, imu, &options.readings)?;
+    let axes = options.axes.or_else(|| imu.source_type.starts_with("px4_msgs/").then_some(Axes::Frd)).ok_or_else(|| {
+        ExportError::Refused(format!(
+            "{name} counts along forward, right, down: say which way the axes of {} point, --axes frd or flu (ROS, MAVROS)",
+            imu.topic
+        ))
+    })?;
+    let signs = axes.signs_to(Axes::Frd);
+
+    let accel = accelerometer(imu, options.sensor.as_deref());
+    let gyro = gyroscope(imu);
+    let mut warnings = Vec::new();
+    let mut used = Vec::new();
+    let mut values = String::new();
+    let mut put = |pattern: &str, values_of: [f64; 3]| {
+        for (axis, value) in ["X", "Y", "Z"].iter().zip(values_of) {
+            values += &(autopilot.line)(&pattern.replace('*', axis), value, false);
+        }
+    };
+    match &accel {
+        Ok((triad, calibration)) => {
+            let Diagonal { bias, scale } = diagonal(name, triad, calibration)?;
+            let [offset, gain] = [0, 1].map(|i| before.accel[i]);
+            put(&names.accel_offset, each(|i| offset[i] + signs[i] * bias[i] / gain[i]));
+            put(&names.accel_scale, each(|i| gain[i] / scale[i]));
+            used.push(*triad);
+        }
+        // Half of a calibration is worth having; none is not.
+        Err(error) if gyro.is_some() && options.sensor.is_none() => {
+            warnings.push(format!("only the gyroscope: {error}"));
+        }
+        Err(_) => return Err(accel.err().unwrap_or_else(|| ExportError::Refused(String::new()))),
+    }
+    match &gyro {
+        Some((triad, calibration)) => {
+            let Diagonal { bias, scale } = diagonal(name, triad, calibration)?;
+            if scale != [1.0; 3] {
+                return Err(holds(name, "the scale of a gyroscope"));
+            }
+            put(&names.gyro_offset, each(|i| before.gyro[i] + signs[i] * bias[i]));
+            used.push(*triad);
+        }
+        None => warnings.push("only the accelerometer: the gyroscope is not determined".to_owned()),
+    }
+    let ids = [(accel.is_ok(), &names.accel_id, before.accel_id), (gyro.is_some(), &names.gyro_id, before.gyro_id)];
+    for (_, id, value) in ids.into_iter().filter(|(written, ..)| *written) {
+        match value {
+            Some(value) => values += &(autopilot.line)(id, value, true),
+            None => warnings.push(format!("{id} is not written: it must be that of this sensor already")),
+        }
+    }
+
+    let mut lines = heading(imu, &used);
+    lines.push(
+        "corrected = (raw - offset) * scale along forward, right, down: scale is 1 / Stillpoint's, offset its bias"
+            .to_owned(),
+    );
+    lines.push(match (&options.readings, axes) {
+        (Readings::Corrected(_), _) => "composed with the parameters that were in force".to_owned(),
+        (_, Axes::Frd) => "from raw readings, axes as in the recording".to_owned(),
+        (_, Axes::Flu) => "from raw readings, y and z turned from the recording's left and up".to_owned(),
+    });
+    lines.extend(autopilot.notes.iter().map(|&note| note.to_owned()));
+    Ok(Exported { text: comments(&lines) + &values, warnings })
+}
+
+/// What an autopilot did to the readings before they were calibrated.
+struct InForce {
+    /// Offset, m/s², and scale.
+    accel: [[f64; 3]; 2],
+    /// Offset, rad/s.
+    gyro: [f64; 3],
+    accel_id: Option<f64>,
+    gyro_id: Option<f64>,
+}
+
+/// An autopilot applies its parameters to raw readings: applied to corrected ones, they would count twice.
+fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Readings) -> Result<InForce, ExportError> {
+    let name = autopilot.name;
+    let topic = &imu.topic;
+    match readings {
+        Readings::Unsaid => Err(ExportError::Refused(format!(
+            "{name} applies its parameters to raw readings: if {topic} holds raw ones, say --raw; if {name} had corrected \
+             them already (PX4 sensor_combined, MAVLink HIGHRES_IMU and RAW_IMU), give its parameters with --in-force FILE"
+        ))),
+        Readings::Raw if is_corrected(&imu.source_type) => Err(ExportError::Refused(format!(
+            "{} is what PX4 publishes after its own calibration: give the parameters in force with --in-force FILE",
+            imu.source_type
+        ))),
+        Readings::Raw => Ok(InForce { accel: [[0.0; 3], [1.0; 3]], gyro: [0.0; 3], accel_id: None, gyro_id: None }),
+        Readings::Corrected(parameters) => composed(autopilot, names, parameters),
+    }
+}
+
+fn composed(autopilot: &Autopilot, names: &Names, parameters: &Parameters) -> Result<InForce, ExportError> {
+    let rotation = autopilot.rotation;
+    if parameters.get(rotation).is_some_and(|value| value != 0.0) {
+        return Err(ExportError::Refused(format!(
+            "{rotation} turns the readings after their correction: calibrate a recording of the raw ones, with --raw"
+        )));
+    }
+    let vector = |pattern: &str| {
+        parameters
+            .vector(pattern)
+            .ok_or_else(|| ExportError::Refused(format!("the parameters in force lack {}", pattern.replace('*', "X"))))
+    };
+    let scale = vector(&names.accel_scale)?;
+    if scale.iter().any(|&scale| scale <= 0.0) {
+        return Err(ExportError::Refused("the parameters in force have a scale that is not positive".to_owned()));
+    }
+    Ok(InForce {
+        accel: [vector(&names.accel_offset)?, scale],
+        gyro: vector(&names.gyro_offset)?,
+        accel_id: parameters.get(&names.accel_id),
+        gyro_id: parameters.get(&names.gyro_id),
+    })
+}
+
+/// Messages that PX4 publishes after it applied its calibration.
+fn is_corrected(source_type: &str) -> bool {
+    ["SensorCombined", "VehicleAcceleration", "VehicleAngularVelocity", "VehicleImu"]
+        .iter()
+        .any(|name| source_type.starts_with("px4_msgs/") && source_type.ends_with(&format!("/{name}")))
+}
+
+struct Diagonal {
+    bias: [f64; 3],
+    scale: [f64; 3],
+}
+
+fn diagonal(format: &'static str, triad: &Triad, calibration: &Calibration) -> Result<Diagonal, ExportError> {
+    let s = &calibration.sensitivity;
+    if (0..9).any(|k| k / 3 != k % 3 && s[(k / 3, k % 3)] != 0.0) {
+        return Err(holds(format, "cross-axis sensitivity"));
+    }
+    if let Some(what) = beyond(triad).next() {
+        return Err(holds(format, what));
+    }
+    Ok(Diagonal { bias: calibration.bias.into(), scale: s.diagonal().into() })
+}
+
+fn holds(format: &'static str, what: &str) -> ExportError {
+    ExportError::Holds { format, what: what.to_owned(), next: LEANER }
+}
+
+fn each(value: impl Fn(usize) -> f64) -> [f64; 3] {
+    [value(0), value(1), value(2)]
+}
