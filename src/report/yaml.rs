@@ -95,9 +95,9 @@ mod tests {
     #[test]
     fn blocks_and_lists_are_written_as_people_write_them() {
         let value = json!({"imus": [{"topic": "/imu", "bias": [0.5, 1e-7], "m": [[1.0, 2.0], [3.0, 4.0]], "none": null,
-            "empty": [], "model": "bias-scale", "no": "no"}], "count": 3});
+            "empty": [], "model": "bias-scale", "no": "no"}], "version": 3});
         let text = "imus:\n  - bias: [0.5, 1.0e-7]\n    empty: []\n    m:\n      - [1.0, 2.0]\n      - [3.0, 4.0]\n    \
-                    model: bias-scale\n    \"no\": \"no\"\n    none: null\n    topic: /imu\ncount: 3\n";
+                    model: bias-scale\n    \"no\": \"no\"\n    none: null\n    topic: /imu\nversion: 3\n";
         assert_eq!(document(&value), text);
     }
 
