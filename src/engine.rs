@@ -173,6 +173,11 @@ impl Engine {
         self.fix = Some(place);
     }
 
+    /// The gyroscope turned out to be on this topic.
+    pub fn gyroscope_on(&mut self, topic: &str) {
+        topic.clone_into(&mut self.config.gyroscope);
+    }
+
     /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };

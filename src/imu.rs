@@ -3,10 +3,15 @@
 //!
 //! [`Intake`] is the door: channels and messages go in, samples come out.
 
+mod clock;
 mod config;
 mod decoder;
+mod descriptor;
 mod fix;
+mod idl;
 mod intake;
+mod json;
+mod jsonschema;
 mod known;
 mod layout;
 mod lookup;
@@ -16,6 +21,9 @@ mod preset;
 mod rosmsg;
 mod route;
 mod source;
+mod split;
+mod suggestion;
+mod tagged;
 mod verdict;
 mod walk;
 
@@ -27,6 +35,7 @@ pub use layout::{Layout, Place, SchemaError};
 pub use lookup::PathError;
 pub use path::{FieldPath, PathSyntaxError};
 pub use preset::Preset;
+pub use suggestion::Suggestion;
 pub use verdict::{Cause, Fault, Notice, Use, Verdict};
 pub use walk::Malformed;
 
@@ -44,6 +53,22 @@ pub struct Sample {
     pub log_time: u64,
     /// The three axes, finite.
     pub value: Vector3<f64>,
+}
+
+/// What a message says of one triad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reading {
+    /// It measured.
+    Sample(Sample),
+    /// The sample of this stamp, which follows, is clipped: a sensor reached the end of its range.
+    Clipped(Stamp),
+    /// From this stamp on, the driver applies another calibration.
+    NewRound {
+        /// Of the sample that follows.
+        stamp: Stamp,
+        /// Of the sample that follows.
+        log_time: u64,
+    },
 }
 
 /// Which triad of an IMU a sample belongs to.

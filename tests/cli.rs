@@ -83,16 +83,40 @@ fn without_an_imu_the_topics_and_a_way_to_map_one_are_listed() {
     let mut scenario: toml::Table = include_str!("../src/simulate/scenarios/demo.toml").parse().unwrap();
     stillpoint::config::overlay(&mut scenario, text.parse().unwrap());
     let folder = Folder::with_scenario("raw.mcap", &Scenario::from_table(scenario).unwrap());
-    let words = ["raw.mcap: no usable IMU topic", "/imu/data_raw", "not read yet", "--set 'imu=["];
+    let words = ["raw.mcap: no usable IMU topic", "/imu/data_raw", "--set 'imu=["];
     folder.refuses("annotate raw.mcap", 1, &words);
     folder.refuses("export raw.mcap --format json", 1, &words);
-    assert!(folder.say("topics raw.mcap").ok().stdout.contains("the encoding protobuf is not read yet"));
 
     let run = folder.say("annotate raw.mcap --allow-no-imu --json").ok();
     assert_eq!(run.json()["imus"], serde_json::json!([]));
     assert_eq!(folder.names(), ["raw.annotated.mcap", "raw.mcap"]);
     folder.say("strip raw.annotated.mcap -o original.mcap").ok();
     assert_eq!(folder.read("original.mcap"), folder.read("raw.mcap"));
+}
+
+/// The configuration that a refusal offers, and the one that `topics` prints.
+fn offers(folder: &Folder, recording: &str) -> (String, String) {
+    let refusal = folder.say(&format!("annotate {recording} -o out.mcap"));
+    assert_eq!(refusal.code, 1, "{}", refusal.stderr);
+    let setting = refusal.error().split("--set '").nth(1).and_then(|rest| rest.split('\'').next()).unwrap().to_owned();
+    let topics = folder.say(&format!("topics {recording}")).ok().stdout;
+    let lines = topics.lines().skip_while(|line| !line.starts_with("[[imu]]")).take_while(|line| !line.is_empty());
+    (setting, lines.map(|line| format!("{line}\n")).collect())
+}
+
+#[test]
+fn what_is_offered_to_map_a_topic_works_as_it_stands() {
+    for encoding in ["protobuf", "json"] {
+        let mut scenario: toml::Table = include_str!("../src/simulate/scenarios/demo.toml").parse().unwrap();
+        let text = format!("[recording]\nencoding = '{encoding}'");
+        stillpoint::config::overlay(&mut scenario, text.parse().unwrap());
+        let folder = Folder::with_scenario("raw.mcap", &Scenario::from_table(scenario).unwrap());
+        let (setting, lines) = offers(&folder, "raw.mcap");
+        folder.write("map.toml", lines.as_bytes());
+        folder.run(["annotate", "raw.mcap", "-o", "a.mcap", "--require-calibration", "--set", &setting]).ok();
+        folder.say("annotate raw.mcap -o b.mcap --require-calibration -c map.toml").ok();
+        assert_eq!(folder.read("a.mcap"), folder.read("b.mcap"), "{setting} is not {lines}");
+    }
 }
 
 #[test]

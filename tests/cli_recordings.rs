@@ -96,17 +96,64 @@ fn sessions_that_show_neither_six_faces_nor_nine_directions_calibrate_no_acceler
     }
 }
 
-#[test]
-fn encodings_that_are_not_read_yet_are_said_in_one_line() {
-    for name in ["nilspod_six_face.protobuf.mcap", "nilspod_six_face.json.mcap", "mpu9150_1_20_poses.protobuf.mcap"] {
-        let Some(input) = recording(name) else { return };
-        let run = Folder::new().run(["topics".as_ref(), input.as_os_str()]).ok();
-        assert_eq!(run.stdout.matches("is not read yet").count(), 1, "{name}: {}", run.stdout);
-        let folder = Folder::new();
-        let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
-        let run = folder.run(arguments);
-        assert_eq!(run.code, 1);
-        assert!(run.error().contains("is not read yet"), "{}", run.stderr);
-        assert!(folder.names().is_empty());
+/// Every number in a result, with the path to it.
+fn numbers(value: &Value, path: &str, found: &mut Vec<(String, f64)>) {
+    match value {
+        Value::Number(number) => found.push((path.to_owned(), number.as_f64().unwrap())),
+        Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| numbers(v, &format!("{path}[{i}]"), found)),
+        Value::Object(map) => map.iter().for_each(|(key, v)| numbers(v, &format!("{path}.{key}"), found)),
+        _ => {}
     }
+}
+
+#[test]
+fn one_session_in_five_encodings_gives_the_same_rests_and_calibration() {
+    let mut expected = None;
+    for (name, lines) in [
+        ("nilspod_six_face.ros2.mcap", ""),
+        ("nilspod_six_face.ros1.mcap", ""),
+        ("nilspod_six_face.rosbag2/nilspod_six_face.rosbag2.mcap", ""),
+        (
+            "nilspod_six_face.protobuf.mcap",
+            "[[imu]]\ntopic = \"/sensors/imu\"\naccel = \"accel_mps2\"\ngyro = \"gyro_radps\"\n",
+        ),
+        (
+            "nilspod_six_face.json.mcap",
+            "[[imu]]\ntopic = \"/imu\"\naccel = \"linear_acceleration\"\ngyro = \"angular_velocity\"\n",
+        ),
+    ] {
+        let Some(input) = recording(name) else { return };
+        let folder = Folder::new();
+        folder.write("map.toml", lines.as_bytes());
+        let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
+        if !lines.is_empty() {
+            // The lines are those that are offered.
+            let offered = folder.run(["topics".as_ref(), input.as_os_str()]).ok().stdout;
+            assert!(offered.contains(lines) && lines.lines().count() <= 4, "{offered}");
+            let setting = folder.run(arguments).error().to_owned();
+            assert!(lines.lines().skip(1).all(|line| setting.contains(line)), "{setting}");
+        }
+        let options = ["--require-calibration", "--json", "-c", "map.toml"].map(AsRef::as_ref);
+        let result = folder.run(arguments.into_iter().chain(options)).ok().json();
+        assert_eq!(result["rests"], serde_json::json!({"found": 13, "accepted": 13, "rejected": 0}), "{name}");
+        let mut found = Vec::new();
+        numbers(&result["imus"][0], "", &mut found);
+        assert!(found.len() > 50, "{found:?}");
+        let expected = expected.get_or_insert_with(|| found.clone());
+        assert_eq!(found.len(), expected.len(), "{name}");
+        for ((path, found), (_, expected)) in found.iter().zip(expected) {
+            assert!((*found - *expected).abs() <= 1e-9, "{name}{path}: {found}, in ROS 2 {expected}");
+        }
+    }
+}
+
+#[test]
+fn poses_that_are_no_faces_determine_the_triangular_model_in_protobuf_too() {
+    let Some(input) = recording("mpu9150_1_20_poses.protobuf.mcap") else { return };
+    let setting = r#"imu=[{topic="/sensors/imu", accel="accel_mps2", gyro="gyro_radps"}]"#;
+    let accelerometer = &annotate(&input, &[setting]).json()["imus"][0]["accelerometer"];
+    assert_eq!(accelerometer["model"], "triangular");
+    // The reference is of another recording of the sensor.
+    assert_close("bias", vector(&accelerometer["bias"]), [0.1023, 0.0976, 0.3461], 0.03);
+    assert_close("scale", diagonal(&accelerometer["sensitivity"]), [1.0039, 1.0034, 1.0069], 4e-3);
 }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use stillpoint::Stamp;
-use stillpoint::imu::{Cause, ImuConfig, ImuId, Intake, Sample, Sensor, Verdict};
+use stillpoint::imu::{Cause, ImuConfig, ImuId, Intake, Reading, Sample, Sensor, Verdict};
 use stillpoint::record::{Channel, Schema};
 
 const HEADER: &str = "===
@@ -60,6 +60,8 @@ fn imu_message(stamp: (i32, u32), frame_id: &str) -> Vec<u8> {
 struct Door {
     intake: Intake,
     samples: Vec<(ImuId, Sensor, Sample)>,
+    /// What was not a sample.
+    said: Vec<(Sensor, Reading)>,
 }
 
 impl Door {
@@ -70,7 +72,7 @@ impl Door {
             imu: Vec<ImuConfig>,
         }
         let Tables { imu } = toml::from_str(config).unwrap();
-        Self { intake: Intake::new(&imu), samples: Vec::new() }
+        Self { intake: Intake::new(&imu), samples: Vec::new(), said: Vec::new() }
     }
 
     fn channel(&mut self, id: u16, topic: &str, schema: &Schema) -> &Verdict {
@@ -79,7 +81,11 @@ impl Door {
 
     fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
         let samples = &mut self.samples;
-        self.intake.message(channel, log_time, data, &mut |imu, sensor, sample| samples.push((imu, sensor, sample)));
+        let said = &mut self.said;
+        self.intake.message(channel, log_time, data, &mut |imu, sensor, reading| match reading {
+            Reading::Sample(sample) => samples.push((imu, sensor, sample)),
+            other => said.push((sensor, other)),
+        });
     }
 
     fn sensors(&self) -> Vec<(usize, Sensor)> {
@@ -254,7 +260,7 @@ fn a_topic_of_another_type_is_offered_and_the_offered_lines_work() {
     assert_eq!(vectors.iter().map(ToString::to_string).collect::<Vec<_>>(), ["accel_g"]);
     assert!(!door.intake.wants(1));
 
-    let mut door = Door::new(&suggestion.unwrap());
+    let mut door = Door::new(&suggestion.unwrap().config(None).lines());
     assert!(matches!(door.channel(1, "/acme", &acme()), Verdict::Used(_)));
     let mut bytes = message((1, 0), "abcd", &[]);
     bytes.truncate(4 + 8 + 4 + 5);
@@ -262,7 +268,8 @@ fn a_topic_of_another_type_is_offered_and_the_offered_lines_work() {
     [0.0_f32, 0.0, 1.0, 0.1, 0.2, 0.3].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
     bytes.extend([1, 0, 0, 0, 0]);
     door.message(1, 1, &bytes);
-    assert_eq!(door.samples[0].2.value.z, 9.80665);
+    let value = |i: usize| door.samples[i].2.value.z;
+    assert_eq!((value(0), value(1)), (f64::from(0.3_f32), 9.80665));
 }
 
 #[test]
@@ -282,16 +289,17 @@ fn a_wrong_mapping_skips_the_channel_and_names_the_nearest_field() {
 }
 
 #[test]
-fn what_is_not_read_yet_is_named() {
+fn what_is_not_read_is_named() {
     let mut door = Door::new("");
-    let protobuf = Schema { encoding: "protobuf".into(), ..imu_schema() };
-    let verdict =
-        door.intake.channel(&Channel { message_encoding: "wrong_format".into(), ..channel(1, "/a") }, Some(&protobuf));
-    assert_eq!(verdict.to_string(), "skipped: the encoding wrong_format is not read yet");
-    let idl = Schema { encoding: "ros2idl".into(), ..imu_schema() };
+    let wrong = Channel { message_encoding: "wrong_format".into(), ..channel(1, "/a") };
     assert_eq!(
-        door.channel(2, "/b", &idl).to_string(),
-        "skipped: the encoding cdr with a ros2idl schema is not read yet"
+        door.intake.channel(&wrong, Some(&imu_schema())).to_string(),
+        "skipped: the encoding wrong_format is not read"
+    );
+    let flatbuffer = Schema { encoding: "flatbuffer".into(), ..imu_schema() };
+    assert_eq!(
+        door.channel(2, "/b", &flatbuffer).to_string(),
+        "skipped: the encoding cdr with a flatbuffer schema is not read"
     );
 }
 
@@ -312,7 +320,8 @@ fn an_intake_continues_from_its_saved_state() {
     door.channel(2, "/highg", &vector_schema());
     door.message(1, 1, &imu_message((0, 0), "front"));
     let saved = serde_json::to_string(&door.intake).unwrap();
-    let mut resumed = Door { intake: serde_json::from_str(&saved).unwrap(), samples: door.samples.clone() };
+    let mut resumed =
+        Door { intake: serde_json::from_str(&saved).unwrap(), samples: door.samples.clone(), said: Vec::new() };
     assert_eq!(resumed.intake, door.intake);
     for door in [&mut door, &mut resumed] {
         door.message(1, 2, &imu_message((5, 0), "front"));
@@ -320,4 +329,221 @@ fn an_intake_continues_from_its_saved_state() {
     }
     assert_eq!(door.samples, resumed.samples);
     assert_eq!(door.samples.len(), 5);
+}
+
+/// As `sensor_msgs/Imu`: one vector measured, the other zero, as the driver of a RealSense camera writes it.
+fn half(stamp: (i32, u32), frame: &str, gyro: [f64; 3], accel: [f64; 3]) -> Vec<u8> {
+    message(stamp, frame, &[gyro[0], gyro[1], gyro[2], 0.01, accel[0], accel[1], accel[2], 0.01])
+}
+
+#[test]
+fn an_accelerometer_and_a_gyroscope_on_two_topics_are_one_imu_whichever_comes_first() {
+    let accel = |i: u32| half((1, i), "accel_frame", [0.0; 3], [0.0, 9.8, 0.0]);
+    let gyro = |i: u32| half((1, i), "gyro_frame", [0.1, 0.2, 0.3], [0.0; 3]);
+    for (accel_first, messages_between) in [(true, false), (false, false), (true, true), (false, true)] {
+        let mut door = Door::new("");
+        let (accel_topic, gyro_topic) = ("/camera/accel/sample", "/camera/gyro/sample");
+        let first = if accel_first { (1, accel_topic, accel(0)) } else { (2, gyro_topic, gyro(0)) };
+        let second = if accel_first { (2, gyro_topic) } else { (1, accel_topic) };
+        door.channel(first.0, first.1, &imu_schema());
+        if messages_between {
+            door.message(first.0, 0, &first.2);
+        }
+        door.channel(second.0, second.1, &imu_schema());
+        door.samples.clear();
+        for i in 1..4 {
+            door.message(2, 2 * u64::from(i), &gyro(2 * i));
+            door.message(1, 2 * u64::from(i) + 1, &accel(2 * i + 1));
+        }
+        assert_eq!(door.names(), [accel_topic]);
+        assert!(door.sensors().contains(&(0, Gyroscope)));
+        let imu = &door.intake.imus()[0];
+        assert_eq!(imu.frame_id, "accel_frame");
+        let topics: Vec<_> = imu.triads.iter().map(|triad| (triad.sensor, triad.topic.as_str())).collect();
+        assert_eq!(topics, [(Accelerometer, accel_topic), (Gyroscope, gyro_topic)]);
+        assert!(!door.samples.iter().any(|(.., sample)| sample.value.norm() == 0.0));
+        assert_eq!(door.intake.verdict(1).to_string(), "accelerometer of /camera/accel/sample (linear_acceleration)");
+        assert_eq!(door.intake.verdict(2).to_string(), "gyroscope of /camera/accel/sample (angular_velocity)");
+    }
+}
+
+#[test]
+fn topics_that_only_sound_like_halves_stay_imus_of_their_own() {
+    let mut door = Door::new("");
+    let (one, other) = ("/accel/imu", "/gyro/imu");
+    door.channel(1, one, &imu_schema());
+    door.message(1, 1, &imu_message((1, 0), "a"));
+    door.channel(2, other, &imu_schema());
+    door.message(2, 1, &imu_message((1, 0), "b"));
+    assert_eq!(door.names(), [one, other]);
+    assert_eq!(door.sensors(), [(0, Gyroscope), (0, Accelerometer), (1, Gyroscope), (1, Accelerometer)]);
+}
+
+#[test]
+fn vectors_on_two_topics_are_offered_as_one_imu_and_the_lines_work() {
+    let mut door = Door::new("");
+    door.channel(1, "/imu/gyro", &vector_schema());
+    door.channel(2, "/imu/accel", &vector_schema());
+    let Verdict::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(2).clone() else { panic!() };
+    let lines = suggestion.config(None).lines();
+    assert_eq!(lines, "[[imu]]\ntopic = \"/imu/accel\"\ngyro = { topic = \"/imu/gyro\" }\n");
+    let mut door = Door::new(&lines);
+    door.channel(1, "/imu/gyro", &vector_schema());
+    door.channel(2, "/imu/accel", &vector_schema());
+    door.message(2, 1, &message((1, 0), "a", &[0.0, 0.0, 9.8]));
+    door.message(1, 2, &message((1, 0), "a", &[0.1, 0.0, 0.0]));
+    assert_eq!(door.sensors(), [(0, Accelerometer), (0, Gyroscope)]);
+}
+
+#[test]
+fn imus_inside_other_messages_are_found() {
+    let imu = "===\nMSG: sensor_msgs/Imu\nstd_msgs/Header header\ngeometry_msgs/Vector3 angular_velocity\n\
+               geometry_msgs/Vector3 linear_acceleration\n";
+    let one = schema("acme/msg/Status", &format!("uint64 count\nsensor_msgs/Imu imu\n{imu}"));
+    let mut door = Door::new("");
+    assert!(
+        matches!(door.channel(1, "/status", &one), Verdict::Used(uses) if uses[1].path == "imu.linear_acceleration")
+    );
+    let mut bytes = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0];
+    bytes.extend(&message((5, 6), "link", &[0.1, 0.2, 0.3, 1.0, 2.0, 9.8])[4..]);
+    door.message(1, 9, &bytes);
+    assert_eq!(door.names(), ["/status"]);
+    assert_eq!(door.samples[1].2.value.as_slice(), [1.0, 2.0, 9.8]);
+    assert_eq!(door.samples[1].2.stamp, Stamp::from_nanos(5_000_000_006));
+    assert_eq!(door.intake.imus()[0].frame_id, "link");
+
+    let two = schema("acme/msg/Pair", &format!("sensor_msgs/Imu front\nsensor_msgs/Imu rear\n{imu}"));
+    let mut door = Door::new("");
+    door.channel(1, "/pair", &two);
+    let front = message((5, 0), "f___", &[0.1, 0.2, 0.3, 1.0, 2.0, 9.8]);
+    let rear = message((6, 0), "r___", &[0.4, 0.5, 0.6, 3.0, 4.0, 9.7]);
+    door.message(1, 9, &[&front[..], &rear[4..]].concat());
+    assert_eq!(door.names(), ["/pair/front", "/pair/rear"]);
+    let stamps: Vec<_> = door.samples.iter().map(|(imu, _, sample)| (imu.index(), sample.stamp.nanos())).collect();
+    assert_eq!(stamps, [(0, 5_000_000_000), (0, 5_000_000_000), (1, 6_000_000_000), (1, 6_000_000_000)]);
+}
+
+/// A message of px4_msgs in little-endian CDR: numbers by their sizes, aligned.
+fn px4(fields: &[(f64, char)]) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0, 0];
+    for &(value, kind) in fields {
+        let number = match kind {
+            'Q' => (value as u64).to_le_bytes().to_vec(),
+            'I' => (value as u32).to_le_bytes().to_vec(),
+            'i' => (value as i32).to_le_bytes().to_vec(),
+            'f' => (value as f32).to_le_bytes().to_vec(),
+            _ => vec![value as u8],
+        };
+        bytes.resize((bytes.len() - 4).next_multiple_of(number.len()) + 4, 0);
+        bytes.extend(number);
+    }
+    bytes
+}
+
+fn px4_schema(name: &str, text: &str) -> Schema {
+    Schema { id: 1, name: format!("px4_msgs/msg/{name}"), encoding: "ros2msg".into(), data: text.into() }
+}
+
+#[test]
+fn increments_of_px4_are_divided_by_their_own_time_and_their_flags_are_passed_on() {
+    let text = "uint64 timestamp # time since system start (microseconds)\nuint64 timestamp_sample\n\
+                uint32 accel_device_id\nuint32 gyro_device_id\nfloat32[3] delta_angle\nfloat32[3] delta_velocity\n\
+                uint32 delta_angle_dt\nuint32 delta_velocity_dt\nuint8 CLIPPING_X = 1\nuint8 delta_angle_clipping\n\
+                uint8 delta_velocity_clipping\nuint8 accel_calibration_count\nuint8 gyro_calibration_count\n";
+    let vehicle = |micros: f64, device: f64, dt: f64, clipping: f64, rounds: (f64, f64)| {
+        let vector = |v: [f64; 3]| v.map(|axis| (axis, 'f'));
+        let head = [(micros + 300.0, 'Q'), (micros, 'Q'), (device, 'I'), (device + 1.0, 'I')];
+        let tail = [(5000.0, 'I'), (dt, 'I'), (0.0, 'B'), (clipping, 'B'), (rounds.0, 'B'), (rounds.1, 'B')];
+        px4(&[&head[..], &vector([0.0005, 0.0, 0.0]), &vector([0.0, 0.0, -0.0390625]), &tail].concat())
+    };
+    let mut door = Door::new("");
+    door.channel(1, "/fmu/out/vehicle_imu", &px4_schema("VehicleImu", text));
+    door.message(1, 1, &vehicle(1_000_000.0, 7.0, 4000.0, 0.0, (3.0, 5.0)));
+    assert_eq!(door.samples[1].2.stamp, Stamp::from_nanos(1_000_000_000));
+    assert_eq!(door.samples[1].2.value.as_slice(), [0.0, 0.0, -0.0390625 / 0.004]);
+    assert!((door.samples[0].2.value.x - 0.1).abs() < 1e-8);
+    assert_eq!(door.said, []);
+
+    door.message(1, 2, &vehicle(1_005_000.0, 7.0, 4000.0, 4.0, (3.0, 5.0)));
+    let stamp = Stamp::from_nanos(1_005_000_000);
+    assert_eq!(door.said, [(Accelerometer, Reading::Clipped(stamp))]);
+    door.said.clear();
+    door.message(1, 3, &vehicle(1_010_000.0, 7.0, 4000.0, 0.0, (4.0, 5.0)));
+    let stamp = Stamp::from_nanos(1_010_000_000);
+    assert_eq!(door.said, [(Accelerometer, Reading::NewRound { stamp, log_time: 3 })]);
+    door.message(1, 4, &vehicle(1_015_000.0, 7.0, 0.0, 0.0, (4.0, 5.0)));
+    assert_eq!(door.faults(), [(Cause::NoTime, 1)]);
+    // Another device is another IMU.
+    door.message(1, 5, &vehicle(1_015_000.0, 70.0, 4000.0, 0.0, (4.0, 5.0)));
+    assert_eq!(door.names(), ["/fmu/out/vehicle_imu", "/fmu/out/vehicle_imu/70"]);
+}
+
+#[test]
+fn the_sensors_of_px4_are_paired_by_instance_and_device() {
+    let text = "uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 x\nfloat32 y\nfloat32 z\n\
+                float32 temperature\nuint32 error_count\nuint8[3] clip_counter\nuint8 samples\n";
+    let reading = |micros: f64, device: f64, xyz: [f64; 3], clips: f64| {
+        let head = [(micros, 'Q'), (micros, 'Q'), (device, 'I')];
+        let tail = [(20.0, 'f'), (0.0, 'I'), (0.0, 'B'), (clips, 'B'), (0.0, 'B'), (1.0, 'B')];
+        px4(&[&head[..], &xyz.map(|axis| (axis, 'f')), &tail].concat())
+    };
+    let mut door = Door::new("");
+    for (id, topic, name) in [
+        (1, "/fmu/out/sensor_gyro", "SensorGyro"),
+        (2, "/fmu/out/sensor_accel", "SensorAccel"),
+        (3, "/fmu/out/sensor_accel1", "SensorAccel"),
+        (4, "/fmu/out/sensor_gyro1", "SensorGyro"),
+    ] {
+        door.channel(id, topic, &px4_schema(name, text));
+    }
+    let gravity = [0.0, 0.0, -9.75];
+    door.message(2, 1, &reading(1000.0, 100.0, gravity, 0.0));
+    door.message(2, 1, &reading(1000.0, 101.0, gravity, 0.0));
+    door.message(3, 1, &reading(1000.0, 102.0, gravity, 2.0));
+    assert_eq!(door.names(), ["/fmu/out/sensor_accel", "/fmu/out/sensor_accel/101", "/fmu/out/sensor_accel1"]);
+    assert_eq!(door.said, [(Accelerometer, Reading::Clipped(Stamp::from_nanos(1_000_000)))]);
+    door.samples.clear();
+    for (channel, device) in [(1, 200.0), (1, 201.0), (4, 202.0), (1, 201.0)] {
+        door.message(channel, 2, &reading(2000.0, device, [0.5, 0.0, 0.0], 0.0));
+    }
+    assert_eq!(door.sensors(), [(0, Gyroscope), (1, Gyroscope), (2, Gyroscope), (1, Gyroscope)]);
+    assert_eq!(door.faults(), []);
+}
+
+#[test]
+fn json_without_a_schema_is_known_from_its_first_message() {
+    let json = |topic: &str| Channel { schema_id: 0, message_encoding: "json".into(), ..channel(1, topic) };
+    let data = br#"{"stamp": {"sec": 5, "nsec": 6}, "frame_id": "link", "acc": {"x": 1, "y": 2, "z": 9.8}, "gyro": [0.1, 0.2, 0.3]}"#;
+    let mut door = Door::new("");
+    assert_eq!(*door.intake.channel(&json("/j"), None), Verdict::Untold);
+    door.message(1, 1, b"not yet");
+    assert!(door.intake.wants(1));
+    door.message(1, 2, data);
+    let Verdict::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(1).clone() else { panic!() };
+    assert!(!door.intake.wants(1));
+
+    let mut door = Door::new(&suggestion.config(None).lines());
+    door.intake.channel(&json("/j"), None);
+    door.message(1, 1, data);
+    door.message(1, 2, br#"{"stamp": {"sec": 5, "nsec": 7}, "acc": {"x": 1, "y": "NaN", "z": 9.8}}"#);
+    assert_eq!(door.sensors(), [(0, Gyroscope), (0, Accelerometer)]);
+    assert_eq!(door.samples[1].2.stamp, Stamp::from_nanos(5_000_000_006));
+    assert_eq!(door.samples[0].2.value.as_slice(), [0.1, 0.2, 0.3]);
+    assert_eq!(door.faults(), [(Cause::NotFinite, 1), (Cause::NotFinite, 1)]);
+}
+
+#[test]
+fn numbers_called_like_axes_are_offered_as_vectors() {
+    let text = "std_msgs/Header header\nfloat64 ax\nfloat64 ay\nfloat64 az\nfloat64 gx\nfloat64 gy\nfloat64 gz\n";
+    let mut door = Door::new("");
+    let Verdict::Other { suggestion: Some(suggestion), .. } = door.channel(1, "/raw", &schema("acme/msg/Raw", text))
+    else {
+        panic!()
+    };
+    let lines = suggestion.config(None).lines();
+    assert_eq!(lines, "[[imu]]\ntopic = \"/raw\"\naccel = [\"ax\", \"ay\", \"az\"]\ngyro = [\"gx\", \"gy\", \"gz\"]\n");
+    let mut door = Door::new(&lines);
+    door.channel(1, "/raw", &schema("acme/msg/Raw", text));
+    door.message(1, 1, &message((1, 0), "", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    assert_eq!(door.samples[0].2.value.as_slice(), [4.0, 5.0, 6.0]);
 }

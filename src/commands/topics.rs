@@ -74,14 +74,11 @@ fn people(channels: &Channels) -> String {
 /// The configuration that would map a channel, if the names tell.
 fn mapping(used: &Use, channels: &Channels) -> Option<String> {
     let Verdict::Other { suggestion: Some(suggestion), .. } = &used.verdict else { return None };
-    if !suggestion.starts_with("[[imu.") {
-        return Some(suggestion.clone());
-    }
     // A part of an IMU needs the IMU that it is a part of.
     let is_primary = |other: &&Use| match &other.verdict {
         Verdict::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
         _ => false,
     };
-    let primary = &channels.channels.iter().find(is_primary)?.channel.topic;
-    Some(format!("[[imu]]\ntopic = {primary:?}\n\n{suggestion}"))
+    let primary = channels.channels.iter().find(is_primary).map(|primary| primary.channel.topic.as_str());
+    Some(suggestion.config(primary).lines())
 }

@@ -7,13 +7,15 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::fix::{Fix, Fixes};
-use super::known::{known, suggestion};
-use super::layout::Layout;
+use super::known::{Known, known};
+use super::layout::{Layout, SchemaError};
 use super::lookup::nearest;
 use super::route::{Route, Tap};
-use super::source::Source;
-use super::verdict::{Cause, Fault, Notice, Use, Verdict};
-use super::{ImuConfig, ImuId, Preset, Sample, Sensor};
+use super::source::{Request, Source};
+use super::split::{Half, Side};
+use super::suggestion::Suggestion;
+use super::verdict::{Cause, Fault, Notice, Verdict};
+use super::{ImuConfig, ImuId, Preset, Reading, Sample, Sensor};
 use crate::record;
 
 /// Turns the messages of a recording into samples.
@@ -24,7 +26,11 @@ pub struct Intake {
     configured: usize,
     topics: BTreeSet<String>,
     verdicts: BTreeMap<u16, Verdict>,
-    routes: BTreeMap<u16, Route>,
+    /// One for each source that reads the channel.
+    routes: BTreeMap<u16, Vec<Route>>,
+    /// JSON channels whose first message will tell what they are.
+    untold: BTreeMap<u16, record::Channel>,
+    halves: BTreeMap<u16, Half>,
     imus: Vec<Imu>,
     notices: Vec<Notice>,
     fixes: Fixes,
@@ -58,6 +64,12 @@ pub struct Triad {
     pub preset: Option<Preset>,
 }
 
+impl Triad {
+    fn gyroscope(topic: &str) -> Self {
+        Self { sensor: Sensor::Gyroscope, name: "gyroscope".to_owned(), topic: topic.to_owned(), preset: None }
+    }
+}
+
 /// A topic that the configuration names and the recording lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingTopic {
@@ -82,6 +94,8 @@ impl Intake {
             topics: BTreeSet::new(),
             verdicts: BTreeMap::new(),
             routes: BTreeMap::new(),
+            untold: BTreeMap::new(),
+            halves: BTreeMap::new(),
             imus: Vec::new(),
             notices: Vec::new(),
             fixes: Fixes::default(),
@@ -93,19 +107,33 @@ impl Intake {
         Self { fixes: Fixes::new(topic), ..self }
     }
 
-    /// Learns of a channel, and says what it is used for. Repeating a channel changes nothing.
+    /// Learns of a channel, and says what it is used for as far as that can be told. Repeating a channel changes
+    /// nothing.
     pub fn channel(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> &Verdict {
         if !self.verdicts.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
-            let verdict = self.judge(channel, schema);
+            let verdict = match Layout::new(&channel.message_encoding, schema) {
+                _ if channel.topic.contains("/stillpoint/") => Verdict::Annotation,
+                Ok(layout) => self.judge(channel.id, &channel.topic, &layout),
+                Err(SchemaError::Untold) => {
+                    self.untold.insert(channel.id, channel.clone());
+                    Verdict::Untold
+                }
+                Err(error) => Verdict::Skipped(error.to_string()),
+            };
             self.verdicts.insert(channel.id, verdict);
         }
-        self.verdicts.get(&channel.id).unwrap_or(&Verdict::Annotation)
+        self.verdict(channel.id)
+    }
+
+    /// What a channel is used for. Later channels, or its first message, may show more.
+    pub fn verdict(&self, channel_id: u16) -> &Verdict {
+        self.verdicts.get(&channel_id).unwrap_or(&Verdict::Annotation)
     }
 
     /// Whether messages of this channel are of any use.
     pub fn wants(&self, channel_id: u16) -> bool {
-        self.routes.contains_key(&channel_id) || self.fixes.wants(channel_id)
+        self.routes.contains_key(&channel_id) || self.untold.contains_key(&channel_id) || self.fixes.wants(channel_id)
     }
 
     /// Takes a message, and says where the recording is made if it is the first that tells.
@@ -113,49 +141,70 @@ impl Intake {
         self.fixes.message(channel_id, data)
     }
 
-    /// Takes a message, and hands its samples to `sink`: those of the accelerometer last, since it is by them that an
-    /// IMU's state is evaluated. Messages of channels that are not used, and readings before the first message of
-    /// their IMU's accelerometer, are passed over.
+    /// Takes a message, and hands its readings to `sink`: those of the accelerometer last, since it is by them that an
+    /// IMU's state is evaluated. Messages of channels that are not used, and readings before the first one of their
+    /// IMU's accelerometer, are passed over.
     pub fn message(
         &mut self,
         channel_id: u16,
         log_time: u64,
         data: &[u8],
-        sink: &mut impl FnMut(ImuId, Sensor, Sample),
+        sink: &mut impl FnMut(ImuId, Sensor, Reading),
     ) {
+        self.listen(channel_id, data);
         let Self { sources, imus, notices, routes, .. } = self;
-        let Some(route) = routes.get_mut(&channel_id) else { return };
-        let mut notice = |topic: &str, text: String| {
-            notices.push(Notice { log_time, topic: topic.to_owned(), text: format!("{topic}{text}") });
-        };
-        if i64::try_from(log_time).is_err() {
-            if route.counts.count(Cause::LogTime) == 1 {
-                notice(&route.topic, format!(": a message is refused: {}", Cause::LogTime));
-            }
-            return;
-        }
-        let (stamp, frame) = match route.read(log_time, data) {
-            Ok(read) => read,
-            Err(error) => {
-                if route.counts.count(Cause::Malformed) == 1 {
-                    notice(&route.topic, format!(": a message is refused: {error}"));
-                }
-                return;
-            }
-        };
-        for i in 0..route.taps.len() {
-            let Some(tap) = route.taps.get(i) else { return };
-            let reading = match owner(sources, imus, route, tap, frame) {
-                None => continue,
-                Some(Err(cause)) => Err(cause),
-                Some(Ok(id)) => route.value(tap).and_then(|value| admit(imus, id, tap.sensor, value)).map(|v| (id, v)),
+        for route in routes.get_mut(&channel_id).into_iter().flatten() {
+            let Some(source) = sources.get_mut(route.source) else { continue };
+            let mut notice = |topic: &str, text: String| {
+                notices.push(Notice { log_time, topic: topic.to_owned(), text: format!("{topic}{text}") });
             };
-            match reading {
-                Ok((id, value)) => sink(id, tap.sensor, Sample { stamp, log_time, value }),
-                Err(cause) => {
-                    let Some(tap) = route.taps.get_mut(i) else { return };
-                    if tap.counts.count(cause) == (if cause == Cause::Zero { ZEROS } else { 1 }) {
-                        notice(&route.topic, format!(", {}: {cause}", tap.name));
+            if i64::try_from(log_time).is_err() {
+                if route.counts.count(Cause::LogTime) == 1 {
+                    notice(&route.topic, format!(": a message is refused: {}", Cause::LogTime));
+                }
+                continue;
+            }
+            let (stamp, frame) = match route.read(log_time, data) {
+                Ok(read) => read,
+                Err(error) => {
+                    if route.counts.count(Cause::Malformed) == 1 {
+                        notice(&route.topic, format!(": a message is refused: {error}"));
+                    }
+                    continue;
+                }
+            };
+            let appears = appears(route);
+            for i in 0..route.taps.len() {
+                let owner = owner(source, imus, route, i, &frame, appears);
+                let Some(tap) = route.taps.get(i) else { continue };
+                let value = route.value(tap);
+                let clipped = route.is_clipped(tap);
+                let (sensor, value) = (
+                    tap.sensor,
+                    match owner {
+                        Ok(Some(id)) => {
+                            value.and_then(|value| admit(imus, id, tap.sensor, value)).map(|value| Some((id, value)))
+                        }
+                        Ok(None) => value.and_then(|value| if is_zero(&value) { Err(Cause::Zero) } else { Ok(None) }),
+                        Err(cause) => Err(cause),
+                    },
+                );
+                match value {
+                    Ok(Some((id, value))) => {
+                        if route.begins_round(i) {
+                            sink(id, sensor, Reading::NewRound { stamp, log_time });
+                        }
+                        if clipped {
+                            sink(id, sensor, Reading::Clipped(stamp));
+                        }
+                        sink(id, sensor, Reading::Sample(Sample { stamp, log_time, value }));
+                    }
+                    Ok(None) => {}
+                    Err(cause) => {
+                        let Some(tap) = route.taps.get_mut(i) else { continue };
+                        if tap.counts.count(cause) == (if cause == Cause::Zero { ZEROS } else { 1 }) {
+                            notice(&route.topic, format!(", {}: {cause}", tap.name));
+                        }
                     }
                 }
             }
@@ -170,7 +219,7 @@ impl Intake {
     /// What was refused so far, by topic.
     pub fn faults(&self) -> Vec<Fault> {
         let mut faults = Vec::new();
-        for route in self.routes.values() {
+        for route in self.routes.values().flatten() {
             let whole = route.counts.iter().map(|(cause, count)| (None, cause, count));
             let parts = route
                 .taps
@@ -204,45 +253,113 @@ impl Intake {
         missing.into_iter().map(|topic| MissingTopic { topic: topic.to_owned(), nearest: nearest(topic) }).collect()
     }
 
-    fn judge(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> Verdict {
-        if channel.topic.contains("/stillpoint/") {
-            return Verdict::Annotation;
-        }
-        let layout = match Layout::new(&channel.message_encoding, schema) {
-            Ok(layout) => layout,
-            Err(error) => return Verdict::Skipped(error.to_string()),
-        };
-        match self.fixes.channel(channel.id, &channel.topic, &layout) {
+    /// Lets the first message of a JSON channel without schema tell what the channel is.
+    fn listen(&mut self, channel_id: u16, data: &[u8]) {
+        let Some(channel) = self.untold.get(&channel_id) else { return };
+        let Some(layout) = Layout::of_example("the message", data) else { return };
+        let topic = channel.topic.clone();
+        self.untold.remove(&channel_id);
+        let verdict = self.judge(channel_id, &topic, &layout);
+        self.verdicts.insert(channel_id, verdict);
+    }
+
+    fn judge(&mut self, channel_id: u16, topic: &str, layout: &Layout) -> Verdict {
+        match self.fixes.channel(channel_id, topic, layout) {
             Ok(true) => return Verdict::Position,
             Ok(false) => {}
             Err(error) => return Verdict::Skipped(error.to_string()),
         }
-        let known = known(layout.name());
-        if known.is_some_and(|known| known.imu) && !self.is_mentioned(&channel.topic) {
-            self.sources.push(Source::new(ImuConfig { topic: channel.topic.clone(), ..ImuConfig::default() }));
+        let known = known(layout);
+        let imus: Vec<_> = known.iter().filter(|known| known.imu).collect();
+        let by_itself = !self.is_mentioned(topic);
+        if by_itself {
+            self.sources.extend(imus.iter().map(|known| Source::found(topic, known, imus.len() == 1)));
         }
-        let requests = self.sources.iter().enumerate();
-        let requests =
-            requests.flat_map(|(i, source)| source.requests(&channel.topic, known).into_iter().map(move |r| (i, r)));
-        let requests: Vec<_> = requests.collect();
-        if requests.is_empty() {
-            let vectors = layout.vectors();
-            let suggestion = suggestion(&channel.topic, &vectors);
-            return Verdict::Other { vectors, suggestion };
-        }
-        match Route::new(&channel.topic, &layout, &requests) {
-            Err(error) => Verdict::Skipped(error.to_string()),
-            Ok(route) => {
-                let uses = route.taps.iter().map(|tap| Use {
-                    imu: self.sources.get(tap.source).map(Source::name).unwrap_or_default(),
-                    sensor: tap.sensor,
-                    name: tap.name.clone(),
-                    path: tap.path.clone(),
-                });
-                let verdict = Verdict::Used(uses.collect());
-                self.routes.insert(channel.id, route);
-                verdict
+        let mut uses = Vec::new();
+        let mut fault = None;
+        for (i, source) in self.sources.iter().enumerate() {
+            let known = source.known(&known);
+            let requests = source.requests(topic, known);
+            if requests.is_empty() {
+                continue;
             }
+            match Route::new(topic, layout, known, i, &requests) {
+                Ok(route) => {
+                    uses.extend(route.taps.iter().map(|tap| source.uses(tap)));
+                    self.routes.entry(channel_id).or_default().push(route);
+                }
+                Err(error) => fault = fault.or(Some(error.to_string())),
+            }
+        }
+        let verdict = match (uses.is_empty(), fault) {
+            (false, _) => Verdict::Used(uses),
+            (true, Some(fault)) => Verdict::Skipped(fault),
+            (true, None) => {
+                Verdict::Other { vectors: layout.vectors(), suggestion: Suggestion::of(topic, layout).map(Box::new) }
+            }
+        };
+        let half = if by_itself { Half::new(topic, layout.name()) } else { None };
+        match (half, known.as_slice()) {
+            (Some(half), [known]) => self.pair(channel_id, half, layout, known, verdict),
+            _ => verdict,
+        }
+    }
+
+    /// Puts the halves of an IMU together once both are known.
+    fn pair(&mut self, channel_id: u16, mut half: Half, layout: &Layout, known: &Known, verdict: Verdict) -> Verdict {
+        let route = self.routes.get(&channel_id).and_then(|routes| routes.first());
+        half.source = route.map(|route| route.source);
+        if half.side == Side::Gyroscope {
+            let request = known.gyro.as_ref().map(Request::other_half);
+            half.gyro = request.and_then(|request| Route::new(&half.topic, layout, Some(known), 0, &[request]).ok());
+        }
+        let mut others = self.halves.iter();
+        let other = others.find(|(_, other)| other.fits(&half)).map(|(&id, other)| (id, other.clone()));
+        self.halves.insert(channel_id, half.clone());
+        let Some((other_id, other)) = other else { return verdict };
+        self.verdicts.insert(channel_id, verdict);
+        match half.side {
+            Side::Accelerometer => self.join((channel_id, &half), (other_id, &other)),
+            Side::Gyroscope => self.join((other_id, &other), (channel_id, &half)),
+        }
+        self.verdicts.get(&channel_id).cloned().unwrap_or(Verdict::Annotation)
+    }
+
+    /// Lets the gyroscope of one channel belong to the accelerometer of another, unless either is an IMU by itself. Types
+    /// that are no IMU by themselves are only offered.
+    fn join(&mut self, (accel_id, accel): (u16, &Half), (gyro_id, gyro): (u16, &Half)) {
+        let Some(mut route) = gyro.gyro.clone() else { return };
+        let Some(source) = accel.source else {
+            let suggestion = Suggestion::of_halves(&accel.topic, &gyro.topic);
+            if let Some(Verdict::Other { suggestion: offered, .. }) = self.verdicts.get_mut(&accel_id) {
+                *offered = Some(Box::new(suggestion));
+            }
+            return;
+        };
+        let is_imu =
+            |source: Option<usize>| source.and_then(|i| self.sources.get(i)).is_some_and(|s| !s.imus.is_empty());
+        let of_accel = |imu: &&mut Imu| imu.topic == accel.topic;
+        let has_gyro = |imu: &Imu| imu.silent.get(Sensor::Gyroscope.index()) == Some(&false);
+        if is_imu(gyro.source) || self.imus.iter().any(|imu| imu.topic == accel.topic && has_gyro(imu)) {
+            return;
+        }
+        let Some(owner) = self.sources.get_mut(source) else { return };
+        owner.gyro_on(&gyro.topic);
+        route.source = source;
+        // Each device has an accelerometer and a gyroscope, with identifiers of their own.
+        route.in_order = route.has_devices();
+        for imu in self.imus.iter_mut().filter(of_accel) {
+            imu.triads.retain(|triad| triad.sensor != Sensor::Gyroscope);
+            imu.triads.insert(1, Triad::gyroscope(&gyro.topic));
+        }
+        let uses = route.taps.iter().map(|tap| owner.uses(tap)).collect();
+        self.verdicts.insert(gyro_id, Verdict::Used(uses));
+        self.routes.insert(gyro_id, vec![route]);
+        if let Some(Verdict::Used(uses)) = self.verdicts.get_mut(&accel_id) {
+            uses.retain(|used| used.sensor != Sensor::Gyroscope);
+        }
+        for route in self.routes.get_mut(&accel_id).into_iter().flatten() {
+            route.taps.retain(|tap| tap.sensor != Sensor::Gyroscope);
         }
     }
 
@@ -251,35 +368,56 @@ impl Intake {
     }
 }
 
-/// Whose reading it is; nobody's before the IMU has been seen.
+/// Whether the last message shows that its accelerometer is there.
+fn appears(route: &Route) -> bool {
+    let accel = route.taps.iter().find(|tap| tap.sensor == Sensor::Accelerometer);
+    accel.is_some_and(|tap| route.value(tap).is_ok_and(|value| !is_zero(&value)))
+}
+
+fn is_zero(value: &Vector3<f64>) -> bool {
+    value.iter().all(|&axis| axis == 0.0)
+}
+
+/// Whose reading it is; nobody's before the accelerometer of the IMU has been seen.
 fn owner(
-    sources: &mut [Source],
+    source: &mut Source,
     imus: &mut Vec<Imu>,
-    route: &Route,
-    tap: &Tap,
+    route: &mut Route,
+    tap: usize,
     frame: &[u8],
-) -> Option<Result<ImuId, Cause>> {
-    let source = sources.get_mut(tap.source)?;
-    if tap.with_accel {
-        let known = source.imus.iter().find(|(own, _)| own == frame).map(|&(_, id)| id);
-        let id = known.or_else(|| add(source, imus, route, tap.source, frame));
-        Some(id.ok_or(Cause::TooManyFrames))
-    } else if route.frame.as_deref() == Some(frame) {
-        source.imus.first().map(|&(_, id)| Ok(id))
+    appears: bool,
+) -> Result<Option<ImuId>, Cause> {
+    if route.taps.get(tap).is_some_and(|tap| tap.with_accel) {
+        match source.imus.iter().find(|(own, _)| own == frame) {
+            Some(&(_, id)) => Ok(Some(id)),
+            None if appears => add(source, imus, route, frame).map(Some).ok_or(Cause::TooManyFrames),
+            None => Ok(None),
+        }
+    } else if route.in_order {
+        let place = route.frames.iter().position(|own| own == frame).unwrap_or(route.frames.len());
+        if place == MAX_FRAMES {
+            return Err(Cause::TooManyFrames);
+        }
+        if place == route.frames.len() {
+            route.frames.push(frame.to_vec());
+        }
+        Ok(source.imus.get(place).map(|&(_, id)| id))
+    } else if route.frames.first().is_some_and(|own| own == frame) {
+        Ok(source.imus.first().map(|&(_, id)| id))
     } else {
-        Some(Err(Cause::ForeignFrame))
+        Err(Cause::ForeignFrame)
     }
 }
 
 /// Adds the IMU of a new `frame_id`, unless there are too many already.
-fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, index: usize, frame: &[u8]) -> Option<ImuId> {
+fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) -> Option<ImuId> {
     if source.imus.len() >= MAX_FRAMES {
         return None;
     }
     let id = ImuId(imus.len());
     let frame_id = String::from_utf8_lossy(frame).into_owned();
     let first = source.imus.is_empty();
-    let gyro = route.taps.iter().any(|tap| (tap.source, tap.sensor) == (index, Sensor::Gyroscope));
+    let gyro = route.taps.iter().any(|tap: &Tap| tap.sensor == Sensor::Gyroscope);
     let triads = source.triads(gyro).filter(|(.., topic)| first || *topic == source.topic());
     let triad = |(sensor, name, topic): (_, &str, &str)| {
         let preset = source.preset(sensor);
@@ -297,7 +435,7 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, index: usize, fr
 fn admit(imus: &mut [Imu], id: ImuId, sensor: Sensor, value: Vector3<f64>) -> Result<Vector3<f64>, Cause> {
     let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(sensor.index()));
     if let Some(silent @ true) = silent {
-        *silent = value.iter().all(|&axis| axis == 0.0);
+        *silent = is_zero(&value);
         if *silent {
             return Err(Cause::Zero);
         }

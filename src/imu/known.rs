@@ -1,68 +1,85 @@
-//! Types whose vectors are known by name, and names by which the vectors of other types are recognised.
+//! Types whose vectors are known by name, wherever a message holds them.
 
+use super::layout::Layout;
 use super::path::FieldPath;
 
-/// Where a well-known type has its vectors.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Where the vectors of a well-known type stand in a message.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Known {
-    pub(super) accel: Option<&'static str>,
-    pub(super) gyro: Option<&'static str>,
+    /// The message of that type; the empty path if it is the whole message.
+    pub(super) inside: FieldPath,
+    pub(super) accel: Option<Part>,
+    pub(super) gyro: Option<Part>,
+    /// Its stamp in microseconds, where it has no header.
+    pub(super) micros: Option<FieldPath>,
+    /// A number that tells sensors on one topic apart.
+    pub(super) device: Option<FieldPath>,
     /// Whether its topics are IMUs even if the configuration does not mention them.
     pub(super) imu: bool,
 }
 
-/// What is known of a type, named `package/Type`.
-pub(super) fn known(name: &str) -> Option<Known> {
-    let imu = |accel, gyro| Known { accel: Some(accel), gyro: Some(gyro), imu: true };
-    let mapped = |accel, gyro| Known { accel, gyro, imu: false };
+/// One vector, and what the message says about it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) vector: FieldPath,
+    /// Microseconds over which the vector is an increment.
+    pub(super) over: Option<FieldPath>,
+    /// Numbers that are not zero if the sensor reached the end of its range.
+    pub(super) clipping: Vec<FieldPath>,
+    /// Changes with the calibration that the driver applies.
+    pub(super) round: Option<FieldPath>,
+}
+
+/// What is known of a message: its own type, or else the IMUs inside it.
+pub(super) fn known(layout: &Layout) -> Vec<Known> {
+    if let Some(known) = of_type(layout.name(), &FieldPath::default()) {
+        return vec![known];
+    }
+    let inside = layout.messages_inside().into_iter();
+    inside.filter_map(|(path, name)| of_type(name, &path)).filter(|known| known.imu).collect()
+}
+
+/// What is known of a type, named `package/Type`, that stands at `inside`.
+///
+/// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so.
+fn of_type(name: &str, inside: &FieldPath) -> Option<Known> {
+    let at = |text: &str| text.parse().ok().map(|path| inside.within(&path));
+    let part = |vector| Some(Part { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });
+    let px4 = |vector, over: &str, clipping: &[&str], round: &str| {
+        let some = |text: &str| if text.is_empty() { None } else { at(text) };
+        let clipping = clipping.iter().filter_map(|path| at(path)).collect();
+        Some(Part { vector: at(vector)?, over: some(over), clipping, round: some(round) })
+    };
+    let known = |accel, gyro, imu| Known { inside: inside.clone(), accel, gyro, micros: None, device: None, imu };
+    const COUNTS: [&str; 3] = ["clip_counter[0]", "clip_counter[1]", "clip_counter[2]"];
     Some(match name {
-        "sensor_msgs/Imu" => imu("linear_acceleration", "angular_velocity"),
-        "px4_msgs/SensorCombined" => imu("accelerometer_m_s2", "gyro_rad"),
-        "geometry_msgs/Vector3" => mapped(Some(""), Some("")),
-        "geometry_msgs/Vector3Stamped" => mapped(Some("vector"), Some("vector")),
-        "geometry_msgs/Accel" => mapped(Some("linear"), None),
-        "geometry_msgs/AccelStamped" => mapped(Some("accel.linear"), None),
-        "geometry_msgs/AccelWithCovarianceStamped" => mapped(Some("accel.accel.linear"), None),
-        "geometry_msgs/Twist" => mapped(None, Some("angular")),
-        "geometry_msgs/TwistStamped" => mapped(None, Some("twist.angular")),
+        "sensor_msgs/Imu" => known(part("linear_acceleration"), part("angular_velocity"), true),
+        "px4_msgs/SensorCombined" => {
+            let accel = px4("accelerometer_m_s2", "", &["accelerometer_clipping"], "accel_calibration_count");
+            let gyro = px4("gyro_rad", "", &["gyro_clipping"], "gyro_calibration_count");
+            Known { micros: at("timestamp"), ..known(accel, gyro, true) }
+        }
+        "px4_msgs/VehicleImu" => {
+            let accel =
+                px4("delta_velocity", "delta_velocity_dt", &["delta_velocity_clipping"], "accel_calibration_count");
+            let gyro = px4("delta_angle", "delta_angle_dt", &["delta_angle_clipping"], "gyro_calibration_count");
+            Known { micros: at("timestamp_sample"), device: at("accel_device_id"), ..known(accel, gyro, true) }
+        }
+        "px4_msgs/SensorAccel" => {
+            let accel = px4("", "", &COUNTS, "");
+            Known { micros: at("timestamp_sample"), device: at("device_id"), ..known(accel, None, true) }
+        }
+        "px4_msgs/SensorGyro" => {
+            let gyro = px4("", "", &COUNTS, "");
+            Known { micros: at("timestamp_sample"), device: at("device_id"), ..known(None, gyro, false) }
+        }
+        "geometry_msgs/Vector3" => known(part(""), part(""), false),
+        "geometry_msgs/Vector3Stamped" => known(part("vector"), part("vector"), false),
+        "geometry_msgs/Accel" => known(part("linear"), None, false),
+        "geometry_msgs/AccelStamped" => known(part("accel.linear"), None, false),
+        "geometry_msgs/AccelWithCovarianceStamped" => known(part("accel.accel.linear"), None, false),
+        "geometry_msgs/Twist" => known(None, part("angular"), false),
+        "geometry_msgs/TwistStamped" => known(None, part("twist.angular"), false),
         _ => return None,
     })
-}
-
-/// The lines that would map the vectors of a topic, if their names tell what they are.
-pub(super) fn suggestion(topic: &str, vectors: &[FieldPath]) -> Option<String> {
-    let find = |recognise: fn(&str) -> bool| vectors.iter().find(|path| recognise(&path.name().to_lowercase()));
-    if let Some(accel) = find(is_accel) {
-        let accel = line("accel", accel, "g", is_in_g);
-        let gyro = find(is_gyro).map(|gyro| line("gyro", gyro, "deg/s", is_in_degrees)).unwrap_or_default();
-        return Some(format!("[[imu]]\ntopic = {topic:?}\n{accel}{gyro}"));
-    }
-    let [_] = vectors else { return None };
-    let name = topic.trim_matches('/').split('/').next().filter(|name| !name.is_empty())?;
-    is_accel(&topic.to_lowercase()).then(|| format!("[[imu.secondary]]\nname = {name:?}\ntopic = {topic:?}\n"))
-}
-
-fn line(key: &str, path: &FieldPath, unit: &str, has_unit: fn(&str) -> bool) -> String {
-    let path = path.to_string();
-    match has_unit(&path.to_lowercase()) {
-        true => format!("{key} = {{ path = {path:?}, unit = {unit:?} }}\n"),
-        false => format!("{key} = {path:?}\n"),
-    }
-}
-
-fn is_accel(name: &str) -> bool {
-    (name.contains("acc") || name.contains("specific_force")) && !name.contains("angular") && !name.contains("cov")
-}
-
-fn is_gyro(name: &str) -> bool {
-    let words = ["gyr", "angular_vel", "angular_rate", "angularvel", "omega"];
-    words.iter().any(|word| name.contains(word)) && !name.contains("cov")
-}
-
-fn is_in_g(name: &str) -> bool {
-    name.ends_with("_g") || name.ends_with("_gs")
-}
-
-fn is_in_degrees(name: &str) -> bool {
-    name.contains("dps") || name.contains("deg")
 }

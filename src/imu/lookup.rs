@@ -1,6 +1,6 @@
 //! Finding fields in a layout by their paths, with an answer that helps where there is none.
 
-use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place};
+use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place, Wire};
 use super::path::{FieldPath, Segment};
 
 /// Why a path leads to nothing usable.
@@ -27,14 +27,6 @@ pub enum PathError {
         found: String,
         /// What it would have to be.
         wanted: &'static str,
-    },
-    /// The field stands behind one whose size on the wire is ambiguous.
-    #[error("`{path}` of {message} stands behind a wstring, whose size in bytes differs from writer to writer")]
-    BehindWideText {
-        /// Type of the message.
-        message: String,
-        /// What was asked for.
-        path: String,
     },
     /// Unrolled, the message has more fields than any real one.
     #[error("{message} has more than {most} fields")]
@@ -84,8 +76,45 @@ impl Layout {
     /// Paths of all vectors: messages with `x`, `y`, `z` and no `w`, and arrays of three floating point numbers.
     pub fn vectors(&self) -> Vec<FieldPath> {
         let mut paths = self.paths();
-        paths.retain(|path| self.is_vector(path));
+        // JSON has names that cannot be written in a path.
+        paths.retain(|path| self.is_vector(path) && path.to_string().parse().as_ref() == Ok(path));
         paths
+    }
+
+    /// Numbers of one message that differ in the last letter of their names, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
+    /// `gyro_z`, by what is in front of it, in lowercase.
+    pub(super) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
+        let paths = self.paths();
+        let triple = |x: &FieldPath| {
+            let (stem, letter) = x.name().split_at_checked(x.name().len().checked_sub(1)?)?;
+            let letters = match letter {
+                "x" => ["x", "y", "z"],
+                "X" => ["X", "Y", "Z"],
+                _ => return None,
+            };
+            let axes = letters.map(|letter| x.parent().unwrap_or_default().join(&format!("{stem}{letter}")));
+            let stem = stem.trim_end_matches('_').to_lowercase();
+            let is_float = |path: &FieldPath| {
+                let found = self.find(path);
+                let float =
+                    |f: Found| matches!(f.kind, Kind::Number(Number::F32 | Number::F64)) && f.count == Count::One;
+                found.is_some_and(float) && path.to_string().parse().as_ref() == Ok(path)
+            };
+            (!stem.is_empty() && axes.iter().all(is_float)).then_some((stem, axes))
+        };
+        paths.iter().filter_map(triple).collect()
+    }
+
+    /// Paths and types of the messages inside the message, but not inside its lists.
+    pub(super) fn messages_inside(&self) -> Vec<(FieldPath, &str)> {
+        let paths = self.paths().into_iter().skip(1);
+        let named = paths.filter_map(|path| match self.find(&path)? {
+            Found { kind: Kind::Message(id), count: Count::One, .. } => {
+                Some((path, self.messages.get(id)?.name.as_str()))
+            }
+            _ => None,
+        });
+        named.collect()
     }
 
     pub(super) fn find_number(&self, path: &FieldPath) -> Option<Place> {
@@ -105,7 +134,11 @@ impl Layout {
                 let is_axis = |name| self.find(&path.join(name)).is_some_and(|f| f.count == Count::One && is_float(&f));
                 ["x", "y", "z"].into_iter().all(is_axis) && self.find(&path.join("w")).is_none()
             }
-            Some(list) => list.count == Count::Array(3) && is_float(&list),
+            Some(list) => {
+                // Where lists have no fixed sizes, any might be a vector.
+                let any = matches!(self.wire, Wire::Protobuf | Wire::Json) && list.count == Count::Sequence;
+                (any || list.count == Count::Array(3)) && is_float(&list)
+            }
             None => false,
         }
     }
@@ -141,6 +174,7 @@ impl Layout {
             Kind::Number(number) => format!("{number:?}").to_lowercase(),
             Kind::Text => "a string".to_owned(),
             Kind::WideText => "a wstring".to_owned(),
+            Kind::Unread(what) => what.to_owned(),
             Kind::Message(id) => self.messages.get(id).map_or_else(String::new, |m| m.name.clone()),
         };
         let found = match found.count {

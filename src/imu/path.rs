@@ -36,6 +36,11 @@ impl FieldPath {
         Self(segments)
     }
 
+    /// The path of what `inner` leads to inside what `self` leads to.
+    pub(super) fn within(&self, inner: &Self) -> Self {
+        Self(self.0.iter().chain(&inner.0).cloned().collect())
+    }
+
     /// The path of the message that holds the field; none for the message itself.
     pub(super) fn parent(&self) -> Option<Self> {
         let (_, parent) = self.0.split_last()?;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place};
+use super::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
 use super::lookup::PathError;
 
 /// Steps through a message, and what to read on the way.
@@ -14,6 +14,8 @@ pub(super) struct Plan {
     pub(super) gets: Vec<Get>,
     /// Alignment of the length of a string or sequence, in bytes.
     pub(super) word: usize,
+    /// Whether a `wstring` is on the way.
+    pub(super) wide: bool,
 }
 
 /// A stretch of a message.
@@ -23,6 +25,10 @@ pub(super) enum Step {
     Span { align: usize, len: usize, gets: Gets },
     /// A string.
     Text { wanted: bool },
+    /// A `wstring`.
+    WideText,
+    /// A message behind its size.
+    Delimited { body: Vec<Step> },
     /// A sequence of numbers.
     Numbers { size: usize, align: usize, least: usize, gets: Gets },
     /// A fixed number of elements, each walked by `body`.
@@ -52,8 +58,18 @@ pub(super) struct Get {
 pub(super) struct Rules {
     /// Greatest alignment: 8 in XCDR1, 4 in XCDR2, 1 in ROS 1.
     pub(super) align: usize,
-    /// Whether lists of anything but numbers are preceded by their size (XCDR2).
-    pub(super) delimited: bool,
+    pub(super) sizes: Sizes,
+}
+
+/// What is preceded by its size in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sizes {
+    /// Nothing: XCDR1, ROS 1.
+    None,
+    /// Lists of anything but numbers, and messages that are said to be appendable: plain XCDR2.
+    Lists,
+    /// These, and the message itself: delimited XCDR2.
+    Messages,
 }
 
 /// Unrolled, a real message has fewer fields than this.
@@ -63,7 +79,7 @@ impl Plan {
     /// The steps that walk a whole message, put the numbers into slots by their order, and pick up the text.
     ///
     /// # Errors
-    /// If the message is absurdly large, or a place stands behind a `wstring`. The walk ends before a `wstring`.
+    /// If the message is absurdly large.
     pub(super) fn new(
         layout: &Layout,
         numbers: &[Place],
@@ -74,17 +90,10 @@ impl Plan {
         let goals: Vec<_> = goals.chain(text.map(|place| (None, place))).collect();
         let wanted: Vec<_> = goals.iter().map(|&(slot, place)| Wanted { hops: &place.hops, slot }).collect();
         let plan = Self { word: rules.align.min(4), ..Self::default() };
-        let mut compiler = Compiler { layout, rules, plan, phase: Phase::START, left: MAX_FIELDS, met: 0 };
-        match compiler.message(0, &wanted) {
-            Err(Stop::TooLarge) => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_FIELDS }),
-            Ok(()) | Err(Stop::WideText) if compiler.met == goals.len() => Ok(compiler.plan),
-            Ok(()) | Err(Stop::WideText) => {
-                let read = |slot| compiler.plan.gets.iter().any(|get| get.slot == slot);
-                let behind = numbers.iter().enumerate().find(|&(slot, _)| !read(slot)).map(|(_, place)| place);
-                let path = behind.or(text).map(|place| place.path.to_string());
-                let message = layout.name().to_owned();
-                Err(PathError::BehindWideText { message, path: path.unwrap_or_default() })
-            }
+        let mut compiler = Compiler { layout, rules, plan, phase: Phase::START, left: MAX_FIELDS };
+        match compiler.message(0, &wanted, rules.sizes == Sizes::Messages) {
+            Ok(()) => Ok(compiler.plan),
+            Err(TooLarge) => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_FIELDS }),
         }
     }
 }
@@ -96,11 +105,8 @@ struct Wanted<'a> {
     slot: Option<usize>,
 }
 
-/// Why the rest of a layout is not walked.
-enum Stop {
-    TooLarge,
-    WideText,
-}
+/// Unrolled, there are too many fields.
+struct TooLarge;
 
 /// What is known of the position while compiling: `position % modulus == rest`.
 #[derive(Clone, Copy)]
@@ -123,14 +129,22 @@ struct Compiler<'a> {
     plan: Plan,
     phase: Phase,
     left: usize,
-    met: usize,
 }
 
 impl Compiler<'_> {
-    fn message(&mut self, id: usize, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+    fn message(&mut self, id: usize, wanted: &[Wanted<'_>], delimited: bool) -> Result<(), TooLarge> {
         let layout = self.layout;
         let Some(message) = layout.messages.get(id) else { return Ok(()) };
-        for (i, field) in message.fields.iter().enumerate() {
+        if delimited {
+            let body = self.apart(self.plan.word, |inner| inner.fields(&message.fields, wanted))?;
+            self.plan.steps.push(Step::Delimited { body });
+            return Ok(());
+        }
+        self.fields(&message.fields, wanted)
+    }
+
+    fn fields(&mut self, fields: &[Field], wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+        for (i, field) in fields.iter().enumerate() {
             let inside = |w: &&Wanted<'_>| w.hops.first().is_some_and(|hop| hop.field == i);
             let inside: Vec<_> = wanted.iter().filter(inside).copied().collect();
             self.field(field, &inside)?;
@@ -138,67 +152,74 @@ impl Compiler<'_> {
         Ok(())
     }
 
-    fn field(&mut self, field: &Field, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
-        self.left = self.left.checked_sub(1).ok_or(Stop::TooLarge)?;
-        if self.rules.delimited && field.count != Count::One && !matches!(field.kind, Kind::Number(_)) {
+    fn field(&mut self, field: &Field, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+        self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
+        let is_list = field.count != Count::One;
+        if is_list && self.rules.sizes != Sizes::None && !matches!(field.kind, Kind::Number(_)) {
             self.span(4, 4);
         }
         match (field.kind, field.count) {
-            (kind, Count::One) => self.one(kind, &element(wanted, None)),
-            (Kind::Number(number), Count::Array(n)) => {
-                self.array(number, n as usize, wanted);
-                Ok(())
-            }
-            (Kind::Number(number), Count::Sequence) => {
-                self.numbers(number, wanted);
-                Ok(())
-            }
+            (kind, Count::One) => self.one(kind, &element(wanted, None))?,
+            (Kind::Number(number), Count::Array(n)) => self.array(number, n as usize, wanted),
+            (Kind::Number(number), Count::Sequence) => self.numbers(number, wanted),
             (kind, Count::Array(n)) => {
                 self.elements(kind, wanted)?;
-                let (body, end) = self.apart(1, |inner| inner.one(kind, &[]));
+                let body = self.apart(1, |inner| inner.one(kind, &[]))?;
                 let count = n.saturating_sub(least(wanted));
-                if end.is_ok() && count > 0 && !body.is_empty() {
+                if count > 0 && !body.is_empty() {
                     self.plan.steps.push(Step::Array { count, body });
                 }
-                end
             }
             (kind, Count::Sequence) => {
-                let (head, end) = self.apart(self.plan.word, |inner| inner.elements(kind, wanted));
-                let (body, end) = match end {
-                    Ok(()) => self.apart(1, |inner| inner.one(kind, &[])),
-                    stop => (Vec::new(), stop),
-                };
-                let body = if end.is_ok() { body } else { Vec::new() };
+                let head = self.apart(self.plan.word, |inner| inner.elements(kind, wanted))?;
+                let body = self.apart(1, |inner| inner.one(kind, &[]))?;
                 self.plan.steps.push(Step::Sequence { least: least(wanted), head, body });
-                end
             }
         }
+        Ok(())
     }
 
-    fn one(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+    fn one(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
         match kind {
             Kind::Number(number) => {
                 let at = self.span(number.size(), number.size());
                 for slot in wanted.iter().filter_map(|w| w.slot) {
                     self.get(Get { at, number, slot });
                 }
-                Ok(())
             }
             Kind::Text => {
                 self.plan.steps.push(Step::Text { wanted: !wanted.is_empty() });
-                self.met += wanted.len();
                 self.phase = Phase::multiple_of(1);
-                Ok(())
             }
-            Kind::WideText => Err(Stop::WideText),
-            Kind::Message(id) => self.message(id, wanted),
+            Kind::WideText => {
+                self.plan.steps.push(Step::WideText);
+                self.plan.wide = true;
+                self.phase = Phase::multiple_of(1);
+            }
+            Kind::Message(id) => {
+                let evolution = self.layout.messages.get(id).map(|message| message.evolution).unwrap_or_default();
+                let delimited = match (self.rules.sizes, evolution) {
+                    (Sizes::None, _) | (_, Evolution::Final) => false,
+                    (_, Evolution::Appendable) => true,
+                    (sizes, Evolution::Unsaid) => match self.layout.messages.first().map(|root| root.evolution) {
+                        // Of the root the encapsulation says what the writer takes such types for.
+                        None | Some(Evolution::Unsaid) => sizes == Sizes::Messages,
+                        // DDS-XTypes 1.3, 7.3.1.2.1.8.
+                        Some(_) => true,
+                    },
+                };
+                self.message(id, wanted, delimited)?;
+            }
+            // No layout of these encodings has one.
+            Kind::Unread(_) => {}
         }
+        Ok(())
     }
 
     /// The first elements of a list, up to the last that is wanted.
-    fn elements(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), Stop> {
+    fn elements(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
         for i in 0..least(wanted) {
-            self.left = self.left.checked_sub(1).ok_or(Stop::TooLarge)?;
+            self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
             self.one(kind, &element(wanted, Some(i)))?;
         }
         Ok(())
@@ -252,7 +273,6 @@ impl Compiler<'_> {
     fn get(&mut self, get: Get) {
         let from = self.plan.gets.len();
         self.plan.gets.push(get);
-        self.met += 1;
         if let Some(Step::Span { gets, .. } | Step::Numbers { gets, .. }) = self.plan.steps.last_mut() {
             let first = if gets.from == gets.to { from } else { gets.from };
             *gets = Gets { from: first, to: from + 1 };
@@ -263,13 +283,13 @@ impl Compiler<'_> {
     fn apart(
         &mut self,
         modulus: usize,
-        compile: impl FnOnce(&mut Self) -> Result<(), Stop>,
-    ) -> (Vec<Step>, Result<(), Stop>) {
+        compile: impl FnOnce(&mut Self) -> Result<(), TooLarge>,
+    ) -> Result<Vec<Step>, TooLarge> {
         let outer = std::mem::take(&mut self.plan.steps);
         self.phase = Phase::multiple_of(modulus);
-        let end = compile(self);
+        compile(self)?;
         self.phase = Phase::multiple_of(1);
-        (std::mem::replace(&mut self.plan.steps, outer), end)
+        Ok(std::mem::replace(&mut self.plan.steps, outer))
     }
 }
 

@@ -142,16 +142,15 @@ impl Resolver<'_> {
         };
         let id = self.messages.len();
         self.ids.insert(name.to_owned(), None);
-        self.messages.push(Message { name: name.to_owned(), fields: Vec::new() });
+        self.messages.push(Message::new(name, Vec::new()));
         let mut fields = Vec::with_capacity(lines.len());
         for Line { name: field, base, count } in lines {
             let kind = self.kind(name, &base, depth)?;
-            fields.push(Field { name: field, kind, count });
+            fields.push(Field::new(field, kind, count));
         }
         if fields.is_empty() && self.wire == Wire::Cdr {
             // https://design.ros2.org/articles/legacy_interface_definition.html: IDL knows no empty structure.
-            let name = "structure_needs_at_least_one_member".to_owned();
-            fields.push(Field { name, kind: Kind::Number(Number::U8), count: Count::One });
+            fields.push(Field::new("structure_needs_at_least_one_member", Kind::Number(Number::U8), Count::One));
         }
         if let Some(message) = self.messages.get_mut(id) {
             message.fields = fields;

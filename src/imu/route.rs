@@ -1,10 +1,17 @@
-//! How the messages of one channel become readings: compiled once, from the channel's layout and what is asked of it.
+//! How the messages of one channel become readings of one IMU: compiled once, from the channel's layout and what is
+//! asked of it.
+
+use std::borrow::Cow;
+use std::io::Write as _;
+use std::ops::{Deref, Range};
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::clock::{Clock, StampPlaces};
 use super::config::VectorPath;
 use super::decoder::Decoder;
+use super::known::{Known, Part};
 use super::layout::{Layout, Place};
 use super::lookup::PathError;
 use super::path::FieldPath;
@@ -13,42 +20,51 @@ use super::verdict::{Cause, Counts};
 use super::{Malformed, Sensor};
 use crate::Stamp;
 
-/// A channel that samples are taken from.
+/// A channel that samples of an IMU are taken from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Route {
     pub(super) topic: String,
+    /// Index of the source that asked.
+    pub(super) source: usize,
     pub(super) taps: Vec<Tap>,
     pub(super) counts: Counts,
-    /// The `frame_id` of the first message.
-    pub(super) frame: Option<Vec<u8>>,
+    /// The frames met so far, the first one always.
+    pub(super) frames: Vec<Vec<u8>>,
+    /// Whether the frames of this topic belong to the frames of the accelerometer's in the order in which they appear.
+    pub(super) in_order: bool,
     decoder: Decoder,
     clock: Clock,
-    /// What the decoder last read: stamp if there is one, then each tap's numbers.
+    /// Index of the number that stands for the frame, if one does.
+    device: Option<usize>,
+    /// What the decoder last read: the stamp if there is one, then each tap's numbers.
     numbers: Vec<f64>,
 }
 
-/// One vector of a message, and whose it is.
+/// One vector of a message, and what the message says about it, by indices into the numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tap {
-    pub(super) source: usize,
     pub(super) sensor: Sensor,
     pub(super) name: String,
     pub(super) path: String,
     pub(super) with_accel: bool,
     pub(super) counts: Counts,
     factor: f64,
-    /// Index of its x in the numbers; y and z follow.
+    /// Its x; y and z follow.
     at: usize,
-    /// Whether its `covariance[0]` follows z.
-    covariance: bool,
+    /// Its `covariance[0]`.
+    covariance: Option<usize>,
+    /// Microseconds over which it is an increment.
+    over: Option<usize>,
+    clipping: Range<usize>,
+    round: Option<usize>,
+    /// The calibration that the driver applied to the last reading.
+    last_round: Option<u64>,
 }
 
-/// Where the stamps of a channel come from, decided by its first message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Clock {
-    Undecided,
-    Header,
-    LogTime,
+/// Which sensor on a topic a message is from: its `frame_id`, or the digits of its device.
+pub(super) enum Frame<'d> {
+    Text(Cow<'d, [u8]>),
+    Digits { bytes: [u8; 20], len: usize },
 }
 
 /// Why a channel cannot serve a request.
@@ -61,92 +77,159 @@ pub(super) enum RouteError {
 }
 
 impl Route {
-    /// Compiles the requests, each with the index of its source.
-    pub(super) fn new(topic: &str, layout: &Layout, requests: &[(usize, Request<'_>)]) -> Result<Self, RouteError> {
-        let vectors: Vec<_> =
-            requests.iter().map(|(_, request)| Axes::of(layout, request)).collect::<Result<_, RouteError>>()?;
-        // The header nearest to the accelerometer, which comes last.
-        let header = vectors.last().and_then(|axes| Header::nearest(layout, &axes.path));
-        let (mut numbers, frame, clock) = match header {
-            Some(Header { stamp, frame }) => (stamp.to_vec(), frame, Clock::Undecided),
-            None => (Vec::new(), None, Clock::LogTime),
+    /// Compiles the requests of a source, that for the accelerometer last.
+    pub(super) fn new(
+        topic: &str,
+        layout: &Layout,
+        known: Option<&Known>,
+        source: usize,
+        requests: &[Request<'_>],
+    ) -> Result<Self, RouteError> {
+        let axes: Vec<_> = requests.iter().map(|request| Axes::of(layout, request)).collect::<Result<_, _>>()?;
+        let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampPlaces::micros);
+        let stamp = micros.unwrap_or_else(|| {
+            StampPlaces::nearest(layout, &axes.last().map(|axes| axes.path.clone()).unwrap_or_default())
+        });
+        let mut numbers = stamp.numbers;
+        let mut add = |place: Option<Place>| {
+            numbers.extend(place);
+            numbers.len() - 1
         };
+        let device = known.and_then(|known| layout.find_number(known.device.as_ref()?)).map(|place| add(Some(place)));
         let mut taps = Vec::new();
-        for ((source, request), Axes { path, places, covariance }) in requests.iter().zip(vectors) {
+        for (request, Axes { path, places: [x, y, z], covariance, part }) in requests.iter().zip(axes) {
+            let at = add(Some(x));
+            add(Some(y));
+            let after = add(Some(z)) + 1;
+            let find = |path: Option<&FieldPath>| path.and_then(|path| layout.find_number(path));
+            let clipping = part.iter().flat_map(|part| &part.clipping).filter_map(|path| find(Some(path)));
+            let clipping = clipping.map(|place| add(Some(place))).last().map_or(after..after, |last| after..last + 1);
             taps.push(Tap {
-                source: *source,
                 sensor: request.sensor,
                 name: request.name.to_owned(),
                 path: path.to_string(),
                 with_accel: request.with_accel,
                 counts: Counts::default(),
                 factor: request.factor,
-                at: numbers.len(),
-                covariance: covariance.is_some(),
+                at,
+                covariance: covariance.map(|place| add(Some(place))),
+                over: find(part.and_then(|part| part.over.as_ref())).map(|place| add(Some(place))),
+                clipping,
+                round: find(part.and_then(|part| part.round.as_ref())).map(|place| add(Some(place))),
+                last_round: None,
             });
-            numbers.extend(places.into_iter().chain(covariance));
         }
-        let decoder = Decoder::new(layout, &numbers, frame.as_ref())?;
-        let numbers = vec![0.0; numbers.len()];
-        Ok(Self { topic: topic.to_owned(), taps, counts: Counts::default(), frame: None, decoder, clock, numbers })
+        Ok(Self {
+            topic: topic.to_owned(),
+            source,
+            taps,
+            counts: Counts::default(),
+            frames: Vec::new(),
+            in_order: false,
+            decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
+            clock: stamp.clock,
+            device,
+            numbers: vec![0.0; numbers.len()],
+        })
     }
 
-    /// Reads one message: when it was measured, and its `frame_id`.
-    pub(super) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, &'d [u8]), Malformed> {
-        let frame = self.decoder.read(data, &mut self.numbers)?;
-        self.frame.get_or_insert_with(|| frame.to_vec());
-        let header = match (self.clock, self.numbers.as_slice()) {
-            (Clock::Undecided | Clock::Header, &[seconds, nanos, ..]) => {
-                (seconds as i64).saturating_mul(1_000_000_000).saturating_add(nanos as i64)
-            }
-            _ => 0,
+    /// Reads one message: when it was measured, and by which sensor.
+    pub(super) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
+        let text = self.decoder.read(data, &mut self.numbers)?;
+        let frame = match self.device.and_then(|at| self.numbers.get(at)) {
+            Some(&device) => Frame::digits(device as u64),
+            None => Frame::Text(text),
         };
-        if self.clock == Clock::Undecided {
-            self.clock = if header == 0 { Clock::LogTime } else { Clock::Header };
+        if self.frames.is_empty() {
+            self.frames.push(frame.to_vec());
         }
-        let stamp = match self.clock {
-            Clock::Header => Stamp::from_nanos(header),
-            _ => Stamp::from_log_time(log_time),
-        };
-        Ok((stamp, frame))
+        Ok((self.clock.read(&self.numbers, log_time), frame))
     }
 
     /// What a tap read from the last message, in m/s² or rad/s.
     pub(super) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
         let numbers = self.numbers.get(tap.at..).unwrap_or_default();
         let Some(&[x, y, z]) = numbers.first_chunk() else { return Err(Cause::Malformed) };
-        if tap.covariance && numbers.get(3) == Some(&-1.0) {
+        if self.number(tap.covariance) == Some(-1.0) {
             return Err(Cause::NotMeasured);
         }
-        let value = Vector3::new(x, y, z) * tap.factor;
+        let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
+        if seconds == 0.0 {
+            return Err(Cause::NoTime);
+        }
+        let value = Vector3::new(x, y, z) * (tap.factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// Whether the last message says that the reading of a tap is clipped.
+    pub(super) fn is_clipped(&self, tap: &Tap) -> bool {
+        self.numbers.get(tap.clipping.clone()).unwrap_or_default().iter().any(|&count| count > 0.0)
+    }
+
+    /// Whether the last message says that the driver began to apply another calibration.
+    pub(super) fn begins_round(&mut self, tap: usize) -> bool {
+        let Some(at) = self.taps.get(tap).and_then(|tap| tap.round) else { return false };
+        let round = self.number(Some(at)).map(|round| round as u64);
+        let Some(tap) = self.taps.get_mut(tap) else { return false };
+        let last = std::mem::replace(&mut tap.last_round, round);
+        last.is_some() && last != round
+    }
+
+    /// Whether its sensors are told apart by a number of their own.
+    pub(super) fn has_devices(&self) -> bool {
+        self.device.is_some()
+    }
+
+    fn number(&self, at: Option<usize>) -> Option<f64> {
+        self.numbers.get(at?).copied()
+    }
+}
+
+impl Frame<'_> {
+    fn digits(device: u64) -> Self {
+        let mut bytes = [0; 20];
+        let mut rest = &mut bytes[..];
+        // 20 digits are enough for any number of 64 bits.
+        let left = if write!(rest, "{device}").is_ok() { rest.len() } else { 20 };
+        Self::Digits { bytes, len: 20 - left }
+    }
+}
+
+impl Deref for Frame<'_> {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::Text(text) => text,
+            Self::Digits { bytes, len } => bytes.get(..*len).unwrap_or_default(),
+        }
     }
 }
 
 /// Where the numbers of a request stand.
-struct Axes {
+struct Axes<'a> {
     path: FieldPath,
     places: [Place; 3],
     covariance: Option<Place>,
+    /// What the message says about them.
+    part: Option<&'a Part>,
 }
 
-impl Axes {
-    fn of(layout: &Layout, request: &Request<'_>) -> Result<Self, RouteError> {
-        let whole = match (request.path, request.known) {
+impl<'a> Axes<'a> {
+    fn of(layout: &Layout, request: &Request<'a>) -> Result<Self, RouteError> {
+        let (path, part) = match (request.path, request.known) {
             (Some(VectorPath::Axes([x, y, z])), _) => {
                 let places = [layout.number(x)?, layout.number(y)?, layout.number(z)?];
-                return Ok(Self { path: x.clone(), places, covariance: None });
+                return Ok(Self { path: x.clone(), places, covariance: None, part: None });
             }
-            (Some(VectorPath::Whole(path)), _) => path.clone(),
-            (None, Some(known)) => {
-                known.split('.').filter(|s| !s.is_empty()).fold(FieldPath::default(), |p, s| p.join(s))
-            }
+            (Some(VectorPath::Whole(path)), known) => (path, known.filter(|known| known.vector == *path)),
+            (None, Some(known)) => (&known.vector, Some(known)),
             (None, None) => return Err(Self::no_path(layout, request)),
         };
-        let places = layout.vector(&whole)?;
-        let covariance = whole.parent().map(|parent| parent.join(&format!("{}_covariance", whole.name())).element(0));
+        let places = layout.vector(path)?;
+        let covariance = path.parent().map(|parent| parent.join(&format!("{}_covariance", path.name())).element(0));
         let covariance = covariance.and_then(|path| layout.find_number(&path));
-        Ok(Self { path: whole, places, covariance })
+        Ok(Self { path: path.clone(), places, covariance, part })
     }
 
     fn no_path(layout: &Layout, request: &Request<'_>) -> RouteError {
@@ -156,38 +239,5 @@ impl Axes {
             vectors => vectors.join(" or "),
         };
         RouteError::NoPath { name: request.name.to_owned(), key: request.key, vectors }
-    }
-}
-
-/// A `std_msgs/Header`, or what has its fields.
-struct Header {
-    /// Seconds and nanoseconds.
-    stamp: [Place; 2],
-    frame: Option<Place>,
-}
-
-impl Header {
-    /// That of the message that holds the vector, or of the nearest message around it.
-    fn nearest(layout: &Layout, vector: &FieldPath) -> Option<Self> {
-        let mut around = vector.parent();
-        if around.is_none() {
-            around = Some(FieldPath::default());
-        }
-        while let Some(message) = around {
-            if let Some(header) = Self::at(layout, &message.join("header")) {
-                return Some(header);
-            }
-            around = message.parent();
-        }
-        None
-    }
-
-    fn at(layout: &Layout, path: &FieldPath) -> Option<Self> {
-        let stamp = path.join("stamp");
-        let names = [("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanos")];
-        let places = names.iter().find_map(|(seconds, nanos)| {
-            Some([layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
-        });
-        Some(Self { stamp: places?, frame: layout.find_text(&path.join("frame_id")) })
     }
 }

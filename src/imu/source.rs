@@ -4,13 +4,18 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::{AccelUnit, ImuConfig, RateUnit, VectorConfig, VectorPath};
-use super::known::Known;
+use super::known::{Known, Part};
+use super::path::FieldPath;
+use super::route::Tap;
+use super::verdict::Use;
 use super::{ImuId, Preset, Sensor};
 
 /// One table of the configuration, or a topic that needs none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Source {
     config: ImuConfig,
+    /// The message inside those of the topic that is the IMU, where there are several.
+    inside: Option<FieldPath>,
     /// What was found on its accelerometer's topic, by `frame_id`.
     pub(super) imus: Vec<(Vec<u8>, ImuId)>,
 }
@@ -23,15 +28,52 @@ pub(super) struct Request<'a> {
     pub(super) name: &'a str,
     pub(super) path: Option<&'a VectorPath>,
     /// Where it stands in a message of this type, if nothing else is said.
-    pub(super) known: Option<&'static str>,
+    pub(super) known: Option<&'a Part>,
     pub(super) factor: f64,
     /// Whether it shares the topic of the accelerometer, and with it the `frame_id`.
     pub(super) with_accel: bool,
 }
 
+impl<'a> Request<'a> {
+    /// For the gyroscope of an IMU whose accelerometer is on another topic.
+    pub(super) fn other_half(known: &'a Part) -> Self {
+        Self {
+            sensor: Sensor::Gyroscope,
+            key: "gyro",
+            name: "gyroscope",
+            path: None,
+            known: Some(known),
+            factor: 1.0,
+            with_accel: false,
+        }
+    }
+}
+
 impl Source {
     pub(super) fn new(config: ImuConfig) -> Self {
-        Self { config, imus: Vec::new() }
+        Self { config, inside: None, imus: Vec::new() }
+    }
+
+    /// A topic, or one of several IMUs in its messages, that needs no configuration.
+    pub(super) fn found(topic: &str, known: &Known, alone: bool) -> Self {
+        let inside = known.inside.to_string().replace('.', "/");
+        let name = (!alone).then(|| format!("{topic}/{inside}"));
+        let config = ImuConfig { topic: topic.to_owned(), name, ..ImuConfig::default() };
+        Self { config, inside: Some(known.inside.clone()), imus: Vec::new() }
+    }
+
+    /// Its gyroscope turned out to be on a topic of its own.
+    pub(super) fn gyro_on(&mut self, topic: &str) {
+        self.config.gyro = Some(VectorConfig { topic: Some(topic.to_owned()), ..VectorConfig::default() });
+    }
+
+    /// What is known of its part of a message.
+    pub(super) fn known<'a>(&self, known: &'a [Known]) -> Option<&'a Known> {
+        match (&self.inside, known) {
+            (Some(inside), several) => several.iter().find(|known| known.inside == *inside),
+            (None, [only]) => Some(only),
+            (None, _) => None,
+        }
     }
 
     /// Which sensor a triad is, if the configuration says so.
@@ -49,6 +91,11 @@ impl Source {
             Some(name) => format!("/{name}"),
             None => self.config.topic.clone(),
         }
+    }
+
+    /// What a tap is to it.
+    pub(super) fn uses(&self, tap: &Tap) -> Use {
+        Use { imu: self.name(), sensor: tap.sensor, name: tap.name.clone(), path: tap.path.clone() }
     }
 
     /// Topic of the accelerometer.
@@ -79,13 +126,13 @@ impl Source {
 
     /// What it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
     /// those of the others.
-    pub(super) fn requests(&self, topic: &str, known: Option<Known>) -> Vec<Request<'_>> {
+    pub(super) fn requests<'a>(&'a self, topic: &str, known: Option<&'a Known>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();
         let mut requests = Vec::new();
         let gyro = self.config.gyro.as_ref();
         // A type that is not an IMU has one vector, which cannot be both triads.
         let own = with_accel && gyro.is_none_or(|gyro| gyro.path.is_none());
-        let known_gyro = known.filter(|known| known.imu || !own).and_then(|known| known.gyro);
+        let known_gyro = known.filter(|known| known.imu || !own).and_then(|known| known.gyro.as_ref());
         if topic == self.gyro_topic() && (gyro.is_some() || known_gyro.is_some()) {
             requests.push(Request {
                 sensor: Sensor::Gyroscope,
@@ -98,7 +145,7 @@ impl Source {
             });
         }
         let accel = |config: Option<&'_ VectorConfig<AccelUnit>>| config.map_or(AccelUnit::default(), |c| c.unit);
-        let known_accel = known.and_then(|known| known.accel);
+        let known_accel = known.and_then(|known| known.accel.as_ref());
         for (i, secondary) in self.config.secondary.iter().enumerate() {
             if topic == self.secondary_topic(i) {
                 requests.push(Request {

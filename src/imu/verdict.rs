@@ -4,8 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::Sensor;
 use super::path::FieldPath;
+use super::{Sensor, Suggestion};
 
 /// What a channel is used for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,9 +20,11 @@ pub enum Verdict {
     Other {
         /// Paths of the vectors in its messages.
         vectors: Vec<FieldPath>,
-        /// Configuration lines that would map it, where the names tell.
-        suggestion: Option<String>,
+        /// What it might be, where the names tell.
+        suggestion: Option<Box<Suggestion>>,
     },
+    /// JSON without a schema, of which no message has been seen.
+    Untold,
     /// Stillpoint wrote it.
     Annotation,
 }
@@ -58,6 +60,7 @@ impl fmt::Display for Verdict {
                 let vectors: Vec<_> = vectors.iter().map(|path| format!("`{path}`")).collect();
                 write!(f, "not an IMU as far as its type tells; it has the vectors {}", vectors.join(", "))
             }
+            Self::Untold => f.write_str("JSON without a schema, and no message that tells its fields"),
             Self::Annotation => f.write_str("written by Stillpoint"),
         }
     }
@@ -70,10 +73,12 @@ pub enum Cause {
     Malformed,
     /// The log time lies beyond the year 2262.
     LogTime,
-    /// NaN or infinity.
+    /// NaN, infinity, or left out of the message.
     NotFinite,
     /// The message says so itself: `covariance[0]` is −1.
     NotMeasured,
+    /// An increment over no time at all.
+    NoTime,
     /// All three axes have been exactly zero since the start: there is no such sensor.
     Zero,
     /// A topic that serves one IMU changed its `frame_id`.
@@ -83,11 +88,12 @@ pub enum Cause {
 }
 
 impl Cause {
-    pub(super) const ALL: [Self; 7] = [
+    pub(super) const ALL: [Self; 8] = [
         Self::Malformed,
         Self::LogTime,
         Self::NotFinite,
         Self::NotMeasured,
+        Self::NoTime,
         Self::Zero,
         Self::ForeignFrame,
         Self::TooManyFrames,
@@ -99,8 +105,9 @@ impl fmt::Display for Cause {
         f.write_str(match self {
             Self::Malformed => "the payload is not what the schema says",
             Self::LogTime => "the log time lies beyond the year 2262",
-            Self::NotFinite => "NaN or infinity",
+            Self::NotFinite => "NaN, infinity, or not in the message",
             Self::NotMeasured => "marked as not measured (covariance[0] is -1)",
+            Self::NoTime => "an increment over no time",
             Self::Zero => "exactly zero from the start, taken as absent",
             Self::ForeignFrame => "its frame_id differs from that of the topic's first message",
             Self::TooManyFrames => "too many different frame_ids on one topic",

@@ -17,8 +17,30 @@ pub enum Malformed {
         len: usize,
     },
     /// A way of writing CDR that is not read.
-    #[error("the CDR encapsulation 0x{0:04x} is not read (plain CDR and XCDR2 are)")]
-    Encapsulation(u16),
+    #[error("the CDR encapsulation 0x{identifier:04x} ({}) is not read", encapsulation(*identifier))]
+    Encapsulation {
+        /// First two bytes of the payload.
+        identifier: u16,
+    },
+    /// Not JSON.
+    #[error("the payload is not JSON at line {line}, column {column}")]
+    Json {
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+    },
+    /// Bytes that are no protobuf.
+    #[error("the payload is not protobuf: {what} at byte {offset}")]
+    Protobuf {
+        /// Byte in the payload.
+        offset: usize,
+        /// What stands there.
+        what: &'static str,
+    },
+    /// A wstring could be of more than one size.
+    #[error("a wstring could be of more than one size: writers do not agree, and the payload does not tell")]
+    WideText,
     /// A list is too short.
     #[error("a list has {found} elements, at least {wanted} are expected")]
     Short {
@@ -29,6 +51,22 @@ pub enum Malformed {
     },
 }
 
+/// What an encapsulation is that is not read.
+fn encapsulation(identifier: u16) -> &'static str {
+    match identifier {
+        0x02 | 0x03 | 0x0a | 0x0b | 0x12 | 0x13 => "a parameter list, as of @mutable types",
+        0x04 => "XML",
+        _ => "unknown",
+    }
+}
+
+/// Bytes a character of a `wstring` takes, by the middleware that wrote it: Fast DDS and Cyclone DDS under ROS 2 write 4
+/// and count characters; Fast CDR by itself writes 2 and counts characters; Cyclone DDS in XCDR2 writes 2 and counts bytes.
+const WIDTHS: [usize; 3] = [4, 2, 1];
+
+/// Bytes behind the last field: payloads may be padded to words.
+const PADDING: usize = 3;
+
 impl Plan {
     /// Walks `data` from byte `origin` on, from which alignment counts; the text found, without its terminator.
     pub(super) fn walk<'d, const BIG: bool>(
@@ -38,10 +76,49 @@ impl Plan {
         numbers: &mut [f64],
     ) -> Result<&'d [u8], Malformed> {
         let body = data.get(origin..).unwrap_or_default();
-        let mut walk = Walk::<BIG> { plan: self, origin, body, at: 0, numbers, text: &[] };
-        walk.steps(&self.steps)?;
-        Ok(walk.text)
+        if !self.wide {
+            return Ok(self.walk_with::<BIG>(body, origin, numbers, 1)?.text);
+        }
+        // The width is the one with which the message ends nearest to where the payload does.
+        let mut best: Option<Fit> = None;
+        for width in WIDTHS {
+            let Ok(walk) = self.walk_with::<BIG>(body, origin, numbers, width) else { continue };
+            let fit = walk.fit();
+            match &best {
+                _ if fit.padding > PADDING => {}
+                Some(best) if fit.padding > best.padding => {}
+                Some(best) if fit.padding == best.padding && fit.digest != best.digest => {
+                    return Err(Malformed::WideText);
+                }
+                _ => best = Some(fit),
+            }
+        }
+        let width = best.as_ref().map_or(WIDTHS[0], |fit| fit.width);
+        let walk = self.walk_with::<BIG>(body, origin, numbers, width)?;
+        if best.is_some() { Ok(walk.text) } else { Err(Malformed::WideText) }
     }
+
+    #[inline]
+    fn walk_with<'p, 'd, 'n, const BIG: bool>(
+        &'p self,
+        body: &'d [u8],
+        origin: usize,
+        numbers: &'n mut [f64],
+        wide: usize,
+    ) -> Result<Walk<'p, 'd, 'n, BIG>, Malformed> {
+        let mut walk = Walk::<BIG> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
+        walk.steps(&self.steps)?;
+        Ok(walk)
+    }
+}
+
+/// How well a width of `wstring`s fits a payload.
+struct Fit {
+    width: usize,
+    /// Bytes left over.
+    padding: usize,
+    /// Of what was read.
+    digest: u32,
 }
 
 struct Walk<'p, 'd, 'n, const BIG: bool> {
@@ -49,11 +126,20 @@ struct Walk<'p, 'd, 'n, const BIG: bool> {
     origin: usize,
     body: &'d [u8],
     at: usize,
+    /// Bytes a character of a `wstring` takes.
+    wide: usize,
     numbers: &'n mut [f64],
     text: &'d [u8],
 }
 
 impl<'d, const BIG: bool> Walk<'_, 'd, '_, BIG> {
+    fn fit(&self) -> Fit {
+        let mut digest = crc32fast::Hasher::new();
+        self.numbers.iter().for_each(|number| digest.update(&number.to_le_bytes()));
+        digest.update(self.text);
+        Fit { width: self.wide, padding: self.body.len() - self.at, digest: digest.finalize() }
+    }
+
     fn steps(&mut self, steps: &[Step]) -> Result<(), Malformed> {
         for step in steps {
             match step {
@@ -68,12 +154,27 @@ impl<'d, const BIG: bool> Walk<'_, 'd, '_, BIG> {
                         self.text = text.strip_suffix(&[0]).unwrap_or(text);
                     }
                 }
+                Step::WideText => {
+                    let len = self.word()? as usize;
+                    self.take(1, len.saturating_mul(self.wide))?;
+                }
                 Step::Numbers { size, align, least, gets } => {
                     let count = self.count(*least as u32)?;
                     if count > 0 {
                         let span = self.take(*align, count as usize * size)?;
                         self.read(span, *gets);
                     }
+                }
+                Step::Delimited { body } => {
+                    let len = self.word()? as usize;
+                    let start = self.at;
+                    self.take(1, len)?;
+                    let (end, whole) = (self.at, self.body);
+                    self.at = start;
+                    self.body = whole.get(..end).unwrap_or_default();
+                    self.steps(body)?;
+                    // Later versions of the type may have more fields.
+                    (self.at, self.body) = (end, whole);
                 }
                 Step::Array { count, body } => self.repeat(*count, body)?,
                 Step::Sequence { least, head, body } => {
@@ -131,7 +232,7 @@ impl<'d, const BIG: bool> Walk<'_, 'd, '_, BIG> {
 impl Number {
     /// The number that `bytes` begin with. Integers beyond 2⁵³ are rounded.
     #[inline]
-    fn read<const BIG: bool>(self, bytes: &[u8]) -> Option<f64> {
+    pub(super) fn read<const BIG: bool>(self, bytes: &[u8]) -> Option<f64> {
         Some(match self {
             Self::F64 => f64::from_bits(unsigned::<BIG, 8>(bytes)?),
             Self::F32 => f32::from_bits(unsigned::<BIG, 4>(bytes)? as u32).into(),

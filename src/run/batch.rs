@@ -265,6 +265,9 @@ fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
-    let example = r#"--set 'imu=[{topic="…", accel="…", gyro="…"}]'"#;
-    Error::input(path, format!("no usable IMU topic among {listed}; map one with {example}, see stillpoint topics"))
+    let advice = match super::channels::suggested(channels.iter().map(|(_, verdict)| verdict)) {
+        Some(imu) => format!("add --set '{}', which looks right by its names", imu.setting()),
+        None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
+    };
+    Error::input(path, format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics"))
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::recording::{Recording, Watch};
 use crate::Error;
 use crate::config::Config;
-use crate::imu::{Intake, Verdict};
+use crate::imu::{ImuConfig, Intake, Suggestion, Verdict};
 use crate::record::{Channel, Event};
 
 /// The channels of a recording.
@@ -39,6 +39,21 @@ impl Channels {
     }
 }
 
+/// What to add to the configuration of a recording in which nothing is used: an IMU rather than an accelerometer by
+/// itself, one with a gyroscope rather than one without.
+pub(super) fn suggested<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Option<ImuConfig> {
+    let suggestions = verdicts.filter_map(|verdict| match verdict {
+        Verdict::Other { suggestion, .. } => suggestion.as_deref(),
+        _ => None,
+    });
+    let worth = |suggestion: &&Suggestion| match suggestion {
+        Suggestion::Imu(imu) if imu.gyro.is_some() => 0,
+        Suggestion::Imu(_) => 1,
+        Suggestion::Accelerometer(_) => 2,
+    };
+    Some(suggestions.min_by_key(worth)?.config(None))
+}
+
 /// Looks through a recording.
 ///
 /// # Errors
@@ -55,9 +70,12 @@ pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
             }
             Event::Channel(channel) => {
                 let schema = schemas.get(&channel.schema_id);
-                let verdict = intake.channel(channel, schema).clone();
+                intake.channel(channel, schema);
                 let schema = schema.map(|schema| schema.name.clone()).unwrap_or_default();
-                found.push(Use { channel: channel.clone(), schema, verdict, messages: 0 });
+                found.push(Use { channel: channel.clone(), schema, verdict: Verdict::Annotation, messages: 0 });
+            }
+            Event::Message(message) if intake.wants(message.channel) => {
+                intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
             }
             _ => {}
         }
@@ -65,6 +83,7 @@ pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
     })?;
     for used in &mut found {
         used.messages = inventory.messages(used.channel.id);
+        used.verdict = intake.verdict(used.channel.id).clone();
     }
     found.sort_by(|a, b| (&a.channel.topic, a.channel.id).cmp(&(&b.channel.topic, b.channel.id)));
     let seconds = inventory.span().map_or(0.0, |(from, until)| (until - from) as f64 * 1e-9);

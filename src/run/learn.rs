@@ -9,7 +9,7 @@ use crate::annotate::Annotator;
 use crate::config::Config;
 use crate::engine::{self, Engine, Message, Secondary};
 use crate::fit::{Gravity, Place, Source};
-use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Sample, Sensor, Verdict};
+use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Reading, Sensor, Verdict};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::record::{Block, Channel, Damage, Event, Schema, Topic};
@@ -26,14 +26,14 @@ pub(super) struct Learner<'a> {
     imus: Vec<Learning>,
     annotator: Annotator,
     blocks: Vec<Block>,
-    channels: Vec<(Channel, Verdict)>,
+    channels: Vec<Channel>,
     damage: Vec<Damage>,
     damages: u64,
     /// Of the last message.
     log_time: u64,
     /// Where the recording is made, once it has said so.
     place: Option<Place>,
-    samples: Vec<(ImuId, Sensor, Sample)>,
+    readings: Vec<(ImuId, Sensor, Reading)>,
     events: Vec<engine::Event>,
 }
 
@@ -73,7 +73,7 @@ impl<'a> Learner<'a> {
             damages: 0,
             log_time: 0,
             place: None,
-            samples: Vec::new(),
+            readings: Vec::new(),
             events: Vec::new(),
         }
     }
@@ -87,8 +87,11 @@ impl<'a> Learner<'a> {
                 self.schemas.insert(schema.id, schema.clone());
             }
             Event::Channel(channel) => {
-                let verdict = self.intake.channel(channel, self.schemas.get(&channel.schema_id)).clone();
-                self.channels.push((channel.clone(), verdict));
+                self.intake.channel(channel, self.schemas.get(&channel.schema_id));
+                self.channels.push(channel.clone());
+                for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
+                    learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
+                }
             }
             Event::Message(message) => {
                 self.log_time = message.log_time;
@@ -127,10 +130,14 @@ impl<'a> Learner<'a> {
         let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
         let notes = faults.chain(missing(&self.intake)).collect();
         let last = self.annotator.finish();
+        let verdict = |channel: Channel| {
+            let verdict = self.intake.verdict(channel.id).clone();
+            (channel, verdict)
+        };
         self.blocks.extend(last);
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
-            channels: self.channels,
+            channels: self.channels.into_iter().map(verdict).collect(),
             notes,
             damage: self.damage,
             damages: self.damages,
@@ -143,8 +150,8 @@ impl<'a> Learner<'a> {
         if let Some(fix) = self.intake.fix(channel, data) {
             self.locate(fix);
         }
-        let samples = &mut self.samples;
-        self.intake.message(channel, log_time, data, &mut |imu, sensor, sample| samples.push((imu, sensor, sample)));
+        let readings = &mut self.readings;
+        self.intake.message(channel, log_time, data, &mut |imu, sensor, reading| readings.push((imu, sensor, reading)));
         for imu in self.intake.imus().iter().skip(self.imus.len()) {
             let mut engine = Engine::new(engine_config(imu, self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
@@ -155,16 +162,22 @@ impl<'a> Learner<'a> {
         for notice in self.intake.take_notices() {
             self.log(Level::Warning, notice.text);
         }
-        for i in 0..self.samples.len() {
-            let Some(&(imu, sensor, sample)) = self.samples.get(i) else { break };
+        for i in 0..self.readings.len() {
+            let Some(&(imu, sensor, reading)) = self.readings.get(i) else { break };
             let imu = imu.index();
             let Some(learning) = self.imus.get_mut(imu) else { continue };
-            learning.engine.push(sensor, &sample, &mut self.events);
+            match reading {
+                Reading::Sample(sample) => learning.engine.push(sensor, &sample, &mut self.events),
+                Reading::Clipped(stamp) => learning.engine.clipped(sensor, stamp),
+                Reading::NewRound { stamp, log_time } => {
+                    learning.engine.begin_round(sensor, stamp, log_time, &mut self.events);
+                }
+            }
             if !self.events.is_empty() {
                 self.publish(imu);
             }
         }
-        self.samples.clear();
+        self.readings.clear();
     }
 
     /// The recording has said where it is made.
@@ -183,8 +196,8 @@ impl<'a> Learner<'a> {
 
     /// Type of the messages on a topic.
     fn source_type(&self, topic: &str) -> String {
-        let channel = self.channels.iter().find(|(channel, _)| channel.topic == topic);
-        let schema = channel.and_then(|(channel, _)| self.schemas.get(&channel.schema_id));
+        let channel = self.channels.iter().find(|channel| channel.topic == topic);
+        let schema = channel.and_then(|channel| self.schemas.get(&channel.schema_id));
         schema.map(|schema| schema.name.clone()).unwrap_or_default()
     }
 
@@ -217,8 +230,12 @@ pub(super) fn missing(intake: &Intake) -> Vec<String> {
     intake.missing_topics().into_iter().map(line).collect()
 }
 
+fn topic_of(imu: &Imu, sensor: Sensor) -> &str {
+    imu.triads.iter().find(|triad| triad.sensor == sensor).map_or("", |triad| &triad.topic)
+}
+
 fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
-    let topic = |sensor| imu.triads.iter().find(|t| t.sensor == sensor).map(|t| t.topic.clone()).unwrap_or_default();
+    let topic = |sensor| topic_of(imu, sensor).to_owned();
     let mut secondary = Vec::new();
     for triad in &imu.triads {
         if let Sensor::Secondary(i) = triad.sensor {

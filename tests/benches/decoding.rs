@@ -64,7 +64,7 @@ fn decoding(c: &mut Criterion) {
         let decoder = Decoder::new(&layout, &places, None).unwrap();
         let mut numbers = [0.0; 6];
         c.bench_function(&format!("{name}/vectors"), |b| {
-            b.iter(|| decoder.read(black_box(&message), &mut numbers).map(<[u8]>::len).unwrap());
+            b.iter(|| decoder.read(black_box(&message), &mut numbers).map(|text| text.len()).unwrap());
         });
         let mut intake = Intake::new(&[]);
         intake.channel(&channel, Some(&schema));

@@ -4,7 +4,7 @@
     decode_ros2.py RECORDINGS            prints the checksums
     decode_ros2.py RECORDINGS EXPECTED   fails unless they are what the file says
 
-tests/decoding_recordings.rs holds Stillpoint's own decoder against the same file.
+tests/decoding/recordings.rs holds Stillpoint's own decoder against the same file.
 """
 
 import struct

@@ -1,5 +1,4 @@
 //! Corners of `ros1msg` and `ros2msg` schemas: what is understood as what, and what is refused with which reason.
-#![allow(clippy::unwrap_used)]
 
 use stillpoint::imu::{Decoder, Layout, SchemaError};
 use stillpoint::record::Schema;
@@ -82,22 +81,43 @@ fn a_list_shorter_than_asked_for_is_an_error() {
     assert_eq!(error.to_string(), "a list has 2 elements, at least 3 are expected");
 }
 
+/// A wstring of characters of so many bytes each, behind their number or, if `in_bytes`, that of their bytes.
+fn wstring(text: &str, unit: usize, in_bytes: bool) -> Vec<u8> {
+    let count = text.len() * if in_bytes { unit } else { 1 };
+    let characters = text.bytes().flat_map(|byte| [byte, 0, 0, 0].into_iter().take(unit));
+    (count as u32).to_le_bytes().into_iter().chain(characters).collect()
+}
+
 #[test]
-fn what_stands_before_a_wstring_is_read_and_what_stands_behind_is_refused() {
-    let text = "uint8 a\nwstring w\nuint8 b";
-    reads(text, &["a"], &[1]);
-    let layout = parse("cdr", "pkg/msg/Root", text).unwrap();
-    let behind = layout.number(&"b".parse().unwrap()).unwrap();
-    let error = Decoder::new(&layout, &[behind], None).unwrap_err().to_string();
-    assert!(error.starts_with("`b` of pkg/Root stands behind a wstring"), "{error}");
+fn what_stands_behind_a_wstring_is_read_whoever_wrote_it() {
+    let text = "uint8 a\nwstring w\nfloat64 b";
+    // Fast DDS and Cyclone DDS under ROS 2, Fast CDR by itself, Cyclone DDS in XCDR2.
+    for (unit, in_bytes) in [(4, false), (2, false), (2, true)] {
+        let mut body = vec![1, 0, 0, 0];
+        body.extend(wstring("abcde", unit, in_bytes));
+        body.resize(body.len().next_multiple_of(8), 0);
+        body.extend(2_f64.to_le_bytes());
+        reads(text, &["a", "b"], &body);
+    }
+    // Here nothing tells: of two bytes or of four, the message ends where the payload does.
+    let layout = parse("cdr", "pkg/msg/Root", "wstring w\nuint16[] b").unwrap();
+    let b = layout.number(&"b[0]".parse().unwrap()).unwrap();
+    let payload =
+        [&[0, 1, 0, 0][..], &[2, 0, 0, 0], &[2, 0, 2, 0], &[4, 0, 0, 0], &[2, 0, 0, 0], &[7, 0, 8, 0]].concat();
+    let error = Decoder::new(&layout, &[b], None).unwrap().read(&payload, &mut [0.0]).unwrap_err().to_string();
+    assert!(error.starts_with("a wstring could be of more than one size"), "{error}");
 }
 
 #[test]
 fn encapsulations_that_are_not_read_are_named() {
     let layout = parse("cdr", "pkg/msg/Root", "uint8 a").unwrap();
     let decoder = Decoder::new(&layout, &[], None).unwrap();
-    let error = decoder.read(&[0, 3, 0, 0, 1], &mut []).unwrap_err().to_string();
-    assert_eq!(error, "the CDR encapsulation 0x0003 is not read (plain CDR and XCDR2 are)");
+    let error = |identifier| decoder.read(&[0, identifier, 0, 0, 1], &mut []).unwrap_err().to_string();
+    for identifier in [2, 3, 0x0a, 0x0b, 0x12, 0x13] {
+        let named = "(a parameter list, as of @mutable types) is not read";
+        assert!(error(identifier).contains(named), "{}", error(identifier));
+    }
+    assert_eq!(error(0x42), "the CDR encapsulation 0x0042 (unknown) is not read");
     assert!(decoder.read(&[0, 0x11, 0, 0, 1], &mut []).is_ok());
 }
 

@@ -1,12 +1,11 @@
 //! Every message of the real ROS 2 recordings is decoded to the numbers that `mcap-ros2-support` reads; see
 //! `tests/interop/decode_ros2.py`, which made the expected checksums and checks them.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use stillpoint::imu::{ImuConfig, Intake, Sample, SecondaryConfig, Sensor};
+use stillpoint::imu::{ImuConfig, Intake, Reading, Sample, SecondaryConfig, Sensor};
 use stillpoint::record;
 
 /// The real recordings, or none where they are absent.
@@ -60,7 +59,8 @@ fn every_message_decodes_to_the_numbers_of_an_independent_reader() {
             let message = message.unwrap();
             let (channel, schema) = channel(&message.channel);
             intake.channel(&channel, schema.as_ref());
-            intake.message(channel.id, message.log_time, &message.data, &mut |_, sensor, sample| {
+            intake.message(channel.id, message.log_time, &message.data, &mut |_, sensor, reading| {
+                let Reading::Sample(sample) = reading else { panic!("{reading:?}") };
                 assert_eq!(matches!(sensor, Sensor::Secondary(_)), channel.topic.starts_with("/highg"));
                 let (count, crc) = sums.entry(channel.topic.clone()).or_default();
                 *count += 1;
@@ -88,7 +88,8 @@ fn samples(path: &std::path::Path) -> Vec<(Sensor, Sample)> {
         let message = message.unwrap();
         let (channel, schema) = channel(&message.channel);
         intake.channel(&channel, schema.as_ref());
-        intake.message(channel.id, message.log_time, &message.data, &mut |_, sensor, sample| {
+        intake.message(channel.id, message.log_time, &message.data, &mut |_, sensor, reading| {
+            let Reading::Sample(sample) = reading else { panic!("{reading:?}") };
             samples.push((sensor, sample));
         });
     }

@@ -1,0 +1,88 @@
+//! When a message was measured: where its stamp stands, and whether it is used.
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::{Layout, Place};
+use super::path::FieldPath;
+use crate::Stamp;
+
+/// Tells when the messages of a channel were measured. The choice is made by its first message, and stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Clock {
+    unit: Option<Unit>,
+    choice: Option<Choice>,
+}
+
+/// What the first numbers of a message are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Unit {
+    /// Seconds, then nanoseconds.
+    Seconds,
+    Micros,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Choice {
+    Stamp,
+    LogTime,
+}
+
+/// Where the stamp of a message stands, and its `frame_id`.
+pub(super) struct StampPlaces {
+    pub(super) clock: Clock,
+    pub(super) numbers: Vec<Place>,
+    pub(super) frame: Option<Place>,
+}
+
+impl Clock {
+    /// The stamp in `numbers` unless that of the first message was 0, else the log time.
+    pub(super) fn read(&mut self, numbers: &[f64], log_time: u64) -> Stamp {
+        let stamp = match (self.unit, numbers) {
+            // Whole numbers, but for what is not there: that is 0, too.
+            (Some(Unit::Seconds), &[seconds, nanos, ..]) => {
+                (seconds as i64).saturating_mul(1_000_000_000).saturating_add(nanos as i64)
+            }
+            (Some(Unit::Micros), &[micros, ..]) => (micros as i64).saturating_mul(1000),
+            _ => 0,
+        };
+        let choice = *self.choice.get_or_insert(if stamp == 0 { Choice::LogTime } else { Choice::Stamp });
+        match choice {
+            Choice::Stamp => Stamp::from_nanos(stamp),
+            Choice::LogTime => Stamp::from_log_time(log_time),
+        }
+    }
+}
+
+impl StampPlaces {
+    /// Those of the message that holds the vector, or of the nearest message around it.
+    pub(super) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
+        let mut around = Some(vector.parent().unwrap_or_default());
+        while let Some(message) = around {
+            if let Some(found) = Self::at(layout, &message) {
+                return found;
+            }
+            around = message.parent();
+        }
+        Self { clock: Clock { unit: None, choice: None }, numbers: Vec::new(), frame: None }
+    }
+
+    /// Microseconds, and no frame.
+    pub(super) fn micros(place: Place) -> Self {
+        Self { clock: Clock { unit: Some(Unit::Micros), choice: None }, numbers: vec![place], frame: None }
+    }
+
+    /// A `std_msgs/Header`, or what has its fields, or a time by itself.
+    fn at(layout: &Layout, message: &FieldPath) -> Option<Self> {
+        let header = message.join("header");
+        let places = [(&header, "stamp"), (message, "stamp"), (message, "timestamp"), (message, "time")];
+        places.into_iter().find_map(|(around, name)| {
+            let stamp = around.join(name);
+            let names = [("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanos")];
+            let numbers = names.iter().find_map(|(seconds, nanos)| {
+                Some(vec![layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
+            });
+            let clock = Clock { unit: Some(Unit::Seconds), choice: None };
+            Some(Self { clock, numbers: numbers?, frame: layout.find_text(&around.join("frame_id")) })
+        })
+    }
+}

@@ -1,0 +1,17 @@
+//! `ros2idl` and `omgidl` schemas: IDL text of a message and of all that it depends on.
+
+mod lexer;
+mod parser;
+mod resolver;
+
+use super::layout::{Message, SchemaError};
+
+/// The messages that `text` defines, as far as the root needs them, the root first.
+pub(super) fn parse(schema_name: &str, text: &str) -> Result<Vec<Message>, SchemaError> {
+    let name = || schema_name.to_owned();
+    let definitions = parser::parse(text).map_err(|(line, why)| match line {
+        0 => SchemaError::Contradiction { name: name(), why },
+        line => SchemaError::Line { name: name(), line, why },
+    })?;
+    resolver::resolve(schema_name, &definitions).map_err(|why| SchemaError::Contradiction { name: name(), why })
+}

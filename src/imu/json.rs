@@ -1,0 +1,182 @@
+//! Picking numbers and a text out of JSON messages as they stream by, without building values. What is picked is asked
+//! for by [`Decoder`](super::Decoder).
+
+use std::borrow::Cow;
+use std::fmt;
+
+use serde::de::{self, DeserializeSeed, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+
+use super::layout::Place;
+use super::walk::Malformed;
+
+/// What is wanted of a value and of what is inside it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Pick {
+    slots: Vec<usize>,
+    text: bool,
+    fields: Vec<(String, Pick)>,
+    elements: Vec<(u32, Pick)>,
+}
+
+impl Pick {
+    /// Picks the numbers into slots by their order, and the text.
+    pub(super) fn new(numbers: &[Place], text: Option<&Place>) -> Self {
+        let mut root = Self::default();
+        for (slot, place) in numbers.iter().enumerate() {
+            root.at(place).slots.push(slot);
+        }
+        if let Some(place) = text {
+            root.at(place).text = true;
+        }
+        root
+    }
+
+    fn at(&mut self, place: &Place) -> &mut Self {
+        place.path.segments().iter().fold(self, |pick, segment| {
+            let field = child(&mut pick.fields, segment.name.clone());
+            match segment.element {
+                Some(element) => child(&mut field.elements, element),
+                None => field,
+            }
+        })
+    }
+
+    /// Reads a message. A number that is left out, or is something else, is NaN.
+    pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
+        numbers.fill(f64::NAN);
+        let mut found = Found { numbers, text: Cow::Borrowed(&[]) };
+        let mut json = serde_json::Deserializer::from_slice(data);
+        let read = Picking { pick: self, found: &mut found }.deserialize(&mut json).and_then(|()| json.end());
+        read.map_err(|e| Malformed::Json { line: e.line(), column: e.column() })?;
+        Ok(found.text)
+    }
+}
+
+/// The pick of a field or element, made if there is none yet.
+fn child<K: PartialEq>(picks: &mut Vec<(K, Pick)>, key: K) -> &mut Pick {
+    let at = picks.iter().position(|(known, _)| *known == key).unwrap_or(picks.len());
+    if at == picks.len() {
+        picks.push((key, Pick::default()));
+    }
+    &mut picks[at].1
+}
+
+struct Found<'d, 'n> {
+    numbers: &'n mut [f64],
+    text: Cow<'d, [u8]>,
+}
+
+struct Picking<'p, 'f, 'd, 'n> {
+    pick: &'p Pick,
+    found: &'f mut Found<'d, 'n>,
+}
+
+impl<'d> DeserializeSeed<'d> for Picking<'_, '_, 'd, '_> {
+    type Value = ();
+
+    fn deserialize<D: de::Deserializer<'d>>(self, json: D) -> Result<(), D::Error> {
+        json.deserialize_any(self)
+    }
+}
+
+impl Picking<'_, '_, '_, '_> {
+    fn number<E>(self, value: f64) -> Result<(), E> {
+        for &slot in &self.pick.slots {
+            if let Some(number) = self.found.numbers.get_mut(slot) {
+                *number = value;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("any value")
+    }
+
+    fn visit_f64<E>(self, value: f64) -> Result<(), E> {
+        self.number(value)
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<(), E> {
+        self.number(value as f64)
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<(), E> {
+        self.number(value as f64)
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<(), E> {
+        self.number(f64::NAN)
+    }
+
+    fn visit_unit<E>(self) -> Result<(), E> {
+        self.number(f64::NAN)
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<(), E> {
+        if self.pick.text {
+            self.found.text = Cow::Owned(text.as_bytes().to_vec());
+        }
+        self.number(f64::NAN)
+    }
+
+    fn visit_borrowed_str<E>(self, text: &'d str) -> Result<(), E> {
+        if self.pick.text {
+            self.found.text = Cow::Borrowed(text.as_bytes());
+        }
+        self.number(f64::NAN)
+    }
+
+    fn visit_map<A: MapAccess<'d>>(self, mut map: A) -> Result<(), A::Error> {
+        let Self { pick, found } = self;
+        while let Some(key) = map.next_key_seed(Key(&pick.fields))? {
+            match key {
+                Some(pick) => map.next_value_seed(Picking { pick, found })?,
+                None => drop(map.next_value::<IgnoredAny>()?),
+            }
+        }
+        Ok(())
+    }
+
+    fn visit_seq<A: SeqAccess<'d>>(self, mut list: A) -> Result<(), A::Error> {
+        let Self { pick, found } = self;
+        for i in 0_u32.. {
+            let more = match pick.elements.iter().find(|(element, _)| *element == i) {
+                Some((_, pick)) => list.next_element_seed(Picking { pick, found })?.is_some(),
+                None => list.next_element::<IgnoredAny>()?.is_some(),
+            };
+            if !more {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which of the picks a key names.
+struct Key<'p>(&'p [(String, Pick)]);
+
+impl<'p, 'd> DeserializeSeed<'d> for Key<'p> {
+    type Value = Option<&'p Pick>;
+
+    fn deserialize<D: de::Deserializer<'d>>(self, json: D) -> Result<Self::Value, D::Error> {
+        json.deserialize_str(self)
+    }
+}
+
+impl<'p, 'd> Visitor<'d> for Key<'p> {
+    type Value = Option<&'p Pick>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a key")
+    }
+
+    fn visit_str<E>(self, key: &str) -> Result<Self::Value, E> {
+        Ok(self.0.iter().find(|(name, _)| name == key).map(|(_, pick)| pick))
+    }
+}

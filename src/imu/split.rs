@@ -1,0 +1,82 @@
+//! One IMU on two topics, as RealSense cameras and PX4 publish it: which topics belong together. Both are known by
+//! their types; what they have in common is their names.
+
+use serde::{Deserialize, Serialize};
+
+use super::route::Route;
+
+/// A channel that may be one half of an IMU.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Half {
+    pub(super) topic: String,
+    pub(super) side: Side,
+    /// What the names of both halves have in common.
+    key: String,
+    /// Type of the messages, up to the side.
+    family: String,
+    /// The source of the IMU whose accelerometer it is.
+    pub(super) source: Option<usize>,
+    /// What would take the readings of the gyroscope.
+    pub(super) gyro: Option<Route>,
+}
+
+/// Which triad a topic is named after.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Side {
+    Accelerometer,
+    Gyroscope,
+}
+
+impl Half {
+    /// A topic that is named after one of the triads.
+    pub(super) fn new(topic: &str, type_name: &str) -> Option<Self> {
+        let (side, key) = parted(&topic.to_lowercase())?;
+        let lower = type_name.to_lowercase();
+        let family = parted(&lower).map_or(lower, |(_, family)| family);
+        Some(Self { topic: topic.to_owned(), side, key, family, source: None, gyro: None })
+    }
+
+    /// Whether the two are halves of one IMU.
+    pub(super) fn fits(&self, other: &Self) -> bool {
+        self.side != other.side && self.key == other.key && self.family == other.family
+    }
+}
+
+/// The triad in a name, and the name without it; none if there is no triad or more than one.
+fn parted(name: &str) -> Option<(Side, String)> {
+    const WORDS: [(&str, Side); 4] = [
+        ("accelerometer", Side::Accelerometer),
+        ("gyroscope", Side::Gyroscope),
+        ("accel", Side::Accelerometer),
+        ("gyro", Side::Gyroscope),
+    ];
+    let (word, side) = WORDS.into_iter().find(|(word, _)| name.contains(word))?;
+    let (before, after) = name.split_once(word)?;
+    let rest = format!("{before}*{after}");
+    WORDS.iter().all(|(word, _)| !rest.contains(word)).then_some((side, rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fits(a: (&str, &str), b: (&str, &str)) -> bool {
+        let half = |(topic, kind): (&str, &str)| Half::new(topic, kind);
+        half(a).zip(half(b)).is_some_and(|(a, b)| a.fits(&b) && b.fits(&a))
+    }
+
+    #[test]
+    fn halves_are_known_by_their_names() {
+        let imu = "sensor_msgs/Imu";
+        assert!(fits(("/camera/accel/sample", imu), ("/camera/gyro/sample", imu)));
+        assert!(fits(("/device_0/sensor_2/Accel_0/imu/data", imu), ("/device_0/sensor_2/Gyro_0/imu/data", imu)));
+        assert!(fits(("/accelerometer", imu), ("/gyroscope", imu)));
+        let (accel, gyro) = ("px4_msgs/SensorAccel", "px4_msgs/SensorGyro");
+        assert!(fits(("/fmu/out/sensor_accel1", accel), ("/fmu/out/sensor_gyro1", gyro)));
+        assert!(!fits(("/fmu/out/sensor_accel", accel), ("/fmu/out/sensor_gyro1", gyro)));
+        assert!(!fits(("/front/accel", imu), ("/rear/gyro", imu)));
+        assert!(!fits(("/accel", imu), ("/accel", imu)));
+        assert!(!fits(("/accel_gyro", imu), ("/gyro_gyro", imu)));
+        assert!(!fits(("/accel", imu), ("/gyro", gyro)));
+    }
+}

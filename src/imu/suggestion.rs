@@ -1,0 +1,172 @@
+//! What an unknown message might be mapped to: its vectors recognised by their names, and the configuration that says
+//! so, as lines and as a setting.
+
+use serde::{Deserialize, Serialize};
+
+use super::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
+use super::layout::Layout;
+
+/// What a channel looks like by the names in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Suggestion {
+    /// An IMU.
+    Imu(ImuConfig),
+    /// An accelerometer, of an IMU or by itself.
+    Accelerometer(SecondaryConfig),
+}
+
+impl Suggestion {
+    /// What the names on a channel of an unknown type tell.
+    pub(super) fn of(topic: &str, layout: &Layout) -> Option<Self> {
+        let candidates = candidates(layout);
+        let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
+        if let Some((name, accel)) = find(is_accel) {
+            let unit = if is_in_g(name) { AccelUnit::StandardGravity } else { AccelUnit::default() };
+            let gyro = find(is_gyro).map(|(name, path)| {
+                let unit = if is_in_degrees(name) { RateUnit::DegreesPerSecond } else { RateUnit::default() };
+                VectorConfig { topic: None, path: Some(path.clone()), unit }
+            });
+            let accel = Some(VectorConfig { topic: None, path: Some(accel.clone()), unit });
+            return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
+        }
+        // The one vector of a message whose topic says what it is.
+        let [_] = layout.vectors().as_slice() else { return None };
+        if !is_accel(&topic.to_lowercase()) {
+            return None;
+        }
+        let name = topic.trim_matches('/').split('/').next().filter(|name| !name.is_empty())?;
+        let accel = only_vector(layout);
+        let secondary = SecondaryConfig { name: name.to_owned(), topic: Some(topic.to_owned()), accel, preset: None };
+        Some(Self::Accelerometer(secondary))
+    }
+
+    /// An IMU whose halves are topics of known types.
+    pub(super) fn of_halves(accel: &str, gyro: &str) -> Self {
+        let gyro = VectorConfig { topic: Some(gyro.to_owned()), ..VectorConfig::default() };
+        Self::Imu(ImuConfig { topic: accel.to_owned(), gyro: Some(gyro), ..ImuConfig::default() })
+    }
+
+    /// The configuration, in a recording whose first IMU is on `primary`.
+    pub fn config(&self, primary: Option<&str>) -> ImuConfig {
+        match (self, primary) {
+            (Self::Imu(imu), _) => imu.clone(),
+            (Self::Accelerometer(secondary), Some(primary)) => {
+                ImuConfig { topic: primary.to_owned(), secondary: vec![secondary.clone()], ..ImuConfig::default() }
+            }
+            (Self::Accelerometer(secondary), None) => ImuConfig {
+                topic: secondary.topic.clone().unwrap_or_default(),
+                accel: secondary.accel.clone(),
+                ..ImuConfig::default()
+            },
+        }
+    }
+}
+
+/// The path to a message's only vector, for a configuration; none if the type is known by name.
+fn only_vector(layout: &Layout) -> Option<VectorConfig<AccelUnit>> {
+    if !super::known::known(layout).is_empty() {
+        return None;
+    }
+    let path = layout.vectors().into_iter().next()?;
+    Some(VectorConfig { path: Some(VectorPath::Whole(path)), ..VectorConfig::default() })
+}
+
+impl ImuConfig {
+    /// The table, as it stands in a configuration file.
+    pub fn lines(&self) -> String {
+        let mut text = "[[imu]]\n".to_owned();
+        self.entries().iter().for_each(|entry| text += &format!("{entry}\n"));
+        for secondary in &self.secondary {
+            text += "[[imu.secondary]]\n";
+            secondary.entries().iter().for_each(|entry| text += &format!("{entry}\n"));
+        }
+        text
+    }
+
+    /// The same as a setting: `imu=[{topic = "…"}]`.
+    pub fn setting(&self) -> String {
+        let mut entries = self.entries();
+        if !self.secondary.is_empty() {
+            let secondary = self.secondary.iter().map(|s| format!("{{{}}}", s.entries().join(", ")));
+            entries.push(format!("secondary = [{}]", secondary.collect::<Vec<_>>().join(", ")));
+        }
+        format!("imu=[{{{}}}]", entries.join(", "))
+    }
+
+    fn entries(&self) -> Vec<String> {
+        let name = self.name.as_ref().map(|name| format!("name = {}", quoted(name)));
+        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline("g")));
+        let gyro = self.gyro.as_ref().map(|gyro| format!("gyro = {}", gyro.inline("deg/s")));
+        let topic = format!("topic = {}", quoted(&self.topic));
+        [Some(topic), name, accel, gyro].into_iter().flatten().collect()
+    }
+}
+
+impl SecondaryConfig {
+    fn entries(&self) -> Vec<String> {
+        let topic = self.topic.as_ref().map(|topic| format!("topic = {}", quoted(topic)));
+        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline("g")));
+        [Some(format!("name = {}", quoted(&self.name))), topic, accel].into_iter().flatten().collect()
+    }
+}
+
+impl<Unit: Default + PartialEq> VectorConfig<Unit> {
+    /// As a value; `other` is the name of the unit that is not the default.
+    fn inline(&self, other: &str) -> String {
+        let path = self.path.as_ref().map(|path| match path {
+            VectorPath::Whole(path) => quoted(&path.to_string()),
+            VectorPath::Axes(axes) => {
+                let axes: Vec<_> = axes.iter().map(|path| quoted(&path.to_string())).collect();
+                format!("[{}]", axes.join(", "))
+            }
+        });
+        let unit = (self.unit != Unit::default()).then(|| format!("unit = {}", quoted(other)));
+        match (&self.topic, path, unit) {
+            (None, Some(path), None) => path,
+            (topic, path, unit) => {
+                let topic = topic.as_ref().map(|topic| format!("topic = {}", quoted(topic)));
+                let path = path.map(|path| format!("path = {path}"));
+                let entries: Vec<_> = [topic, path, unit].into_iter().flatten().collect();
+                format!("{{ {} }}", entries.join(", "))
+            }
+        }
+    }
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+/// Vectors, and triples of numbers that are called like axes, by the lowercase name that tells what they are.
+fn candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
+    let vectors = layout.vectors().into_iter().map(|path| {
+        // `accel.value` is called by the message around it.
+        let own = path.name().to_lowercase();
+        let around = path.parent().map(|parent| parent.name().to_lowercase()).filter(|name| !name.is_empty());
+        let name = if is_accel(&own) || is_gyro(&own) { own } else { around.unwrap_or(own) };
+        (name, VectorPath::Whole(path))
+    });
+    vectors.chain(layout.triples().into_iter().map(|(name, axes)| (name, VectorPath::Axes(axes)))).collect()
+}
+
+fn is_accel(name: &str) -> bool {
+    let words = ["acc", "specific_force", "specificforce"];
+    name == "a"
+        || words.iter().any(|word| name.contains(word)) && !["ang", "cov", "bias"].iter().any(|w| name.contains(w))
+}
+
+fn is_gyro(name: &str) -> bool {
+    let words = ["gyr", "angular_vel", "angular_rate", "angularvel", "angularrate", "ang_vel", "omega"];
+    let others = ["cov", "bias", "acc"];
+    matches!(name, "g" | "w")
+        || words.iter().any(|word| name.contains(word)) && !others.iter().any(|w| name.contains(w))
+}
+
+fn is_in_g(name: &str) -> bool {
+    name.ends_with("_g") || name.ends_with("_gs")
+}
+
+fn is_in_degrees(name: &str) -> bool {
+    // `radps` ends in `dps`.
+    name.contains("deg") || name.replace("radps", "").contains("dps")
+}

@@ -1,0 +1,365 @@
+//! Protobuf messages walked on the wire, without building values and without allocation. What is looked for is compiled
+//! once per channel from its [`Layout`].
+//!
+//! As parsers must (<https://protobuf.dev/programming-guides/encoding/>): of a field that comes twice, the last number
+//! counts and messages are merged; lists may be packed or not, whatever the schema says; what is unknown is skipped.
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
+use super::lookup::PathError;
+use super::walk::Malformed;
+
+/// A message that something is read from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tagged {
+    /// Its own number among those that are read from.
+    id: usize,
+    fields: Vec<Wanted>,
+    /// Slots, and what is in them where the message is there but leaves the field out.
+    absent: Vec<(usize, Bits)>,
+}
+
+/// A number saved by its bits, for it may be NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Bits(u64);
+
+/// A field that is read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Wanted {
+    number: u32,
+    take: Take,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Take {
+    Number {
+        number: Number,
+        coding: Coding,
+        slots: Vec<usize>,
+    },
+    Text,
+    Message(Tagged),
+    /// A list of numbers: which elements go to which slots.
+    Numbers {
+        list: usize,
+        number: Number,
+        coding: Coding,
+        slots: Vec<(u32, usize)>,
+    },
+    /// A list of messages: which elements are read from.
+    Messages {
+        list: usize,
+        elements: Vec<(u32, Tagged)>,
+    },
+}
+
+/// Messages, and lists, from which something is read; more are in no real configuration.
+const MAX_PARTS: usize = 32;
+
+impl Tagged {
+    /// Reads the numbers into slots by their order, and the text.
+    ///
+    /// # Errors
+    /// If more parts are read from than any real message has.
+    pub(super) fn new(layout: &Layout, numbers: &[Place], text: Option<&Place>) -> Result<Self, PathError> {
+        let mut compiler = Compiler { layout, messages: 0, lists: 0 };
+        let mut root = compiler.tagged();
+        for (slot, place) in numbers.iter().enumerate() {
+            compiler.want(&mut root, 0, &place.hops, Some(slot));
+        }
+        if let Some(place) = text {
+            compiler.want(&mut root, 0, &place.hops, None);
+        }
+        match compiler.messages.max(compiler.lists) {
+            0..=MAX_PARTS => Ok(root),
+            _ => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_PARTS }),
+        }
+    }
+
+    /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
+    /// message or list around it is not there either.
+    pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
+        numbers.fill(f64::NAN);
+        let mut walk = Walk { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
+        walk.message(self, data.len())?;
+        Ok(walk.text)
+    }
+}
+
+struct Compiler<'a> {
+    layout: &'a Layout,
+    messages: usize,
+    lists: usize,
+}
+
+impl Compiler<'_> {
+    fn tagged(&mut self) -> Tagged {
+        self.messages += 1;
+        Tagged { id: self.messages - 1, fields: Vec::new(), absent: Vec::new() }
+    }
+
+    /// Wants what `hops` lead to from `message`, which `own` reads.
+    fn want(&mut self, own: &mut Tagged, message: usize, hops: &[Hop], slot: Option<usize>) {
+        let Some((hop, rest)) = hops.split_first() else { return };
+        let field = self.layout.messages.get(message).and_then(|message| message.fields.get(hop.field));
+        let Some(&Field { kind, count, tag: Some(tag), .. }) = field else { return };
+        let at = own.fields.iter().position(|wanted| wanted.number == tag.number).unwrap_or(own.fields.len());
+        if at == own.fields.len() {
+            let take = self.take(kind, count, tag);
+            own.fields.push(Wanted { number: tag.number, take });
+        }
+        let inner = match (&mut own.fields[at].take, hop.element, slot) {
+            (Take::Number { slots, .. }, _, Some(slot)) => {
+                slots.push(slot);
+                own.absent.push((slot, Bits(tag.absent.to_bits())));
+                return;
+            }
+            (Take::Numbers { slots, .. }, Some(element), Some(slot)) => return slots.push((element, slot)),
+            (Take::Message(inner), ..) => inner,
+            (Take::Messages { elements, .. }, Some(element), _) => {
+                let at = elements.iter().position(|(known, _)| *known == element).unwrap_or(elements.len());
+                if at == elements.len() {
+                    elements.push((element, self.tagged()));
+                }
+                &mut elements[at].1
+            }
+            _ => return,
+        };
+        if let Kind::Message(id) = kind {
+            self.want(inner, id, rest, slot);
+        }
+    }
+
+    fn take(&mut self, kind: Kind, count: Count, Tag { coding, .. }: Tag) -> Take {
+        let list = self.lists;
+        self.lists += usize::from(count != Count::One);
+        match (kind, count) {
+            (Kind::Number(number), Count::One) => Take::Number { number, coding, slots: Vec::new() },
+            (Kind::Number(number), _) => Take::Numbers { list, number, coding, slots: Vec::new() },
+            (Kind::Message(_), Count::One) => Take::Message(self.tagged()),
+            (Kind::Message(_), _) => Take::Messages { list, elements: Vec::new() },
+            _ => Take::Text,
+        }
+    }
+}
+
+struct Walk<'d, 'n> {
+    data: &'d [u8],
+    at: usize,
+    numbers: &'n mut [f64],
+    text: &'d [u8],
+    /// One bit for each [`Tagged::id`] that was met.
+    begun: u32,
+    /// Elements of each list so far.
+    counts: [u32; MAX_PARTS],
+}
+
+/// Kinds of encoded values.
+mod wire {
+    pub(super) const VARINT: u64 = 0;
+    pub(super) const I64: u64 = 1;
+    pub(super) const LEN: u64 = 2;
+    pub(super) const GROUP: u64 = 3;
+    pub(super) const END_GROUP: u64 = 4;
+    pub(super) const I32: u64 = 5;
+}
+
+impl Walk<'_, '_> {
+    fn message(&mut self, message: &Tagged, end: usize) -> Result<(), Malformed> {
+        // A message in parts is merged: only the first part begins with the defaults.
+        if self.begun & 1 << message.id == 0 {
+            self.begun |= 1 << message.id;
+            message.absent.iter().for_each(|&(slot, bits)| self.put(slot, f64::from_bits(bits.0)));
+        }
+        while self.at < end {
+            let (number, kind) = self.tag(end)?;
+            match message.fields.iter().find(|wanted| u64::from(wanted.number) == number) {
+                Some(wanted) => self.field(&wanted.take, number, kind, end)?,
+                None => self.skip(number, kind, end)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// A field that is read, unless it is not written as one: then it counts as unknown.
+    fn field(&mut self, take: &Take, field: u64, kind: u64, end: usize) -> Result<(), Malformed> {
+        match take {
+            Take::Number { number, coding, slots } if kind == number.wire(*coding) => {
+                let value = self.number(*number, *coding, end)?;
+                slots.iter().for_each(|&slot| self.put(slot, value));
+            }
+            Take::Numbers { list, number, coding, slots } if kind == number.wire(*coding) => {
+                let value = self.number(*number, *coding, end)?;
+                self.element(*list, slots, value);
+            }
+            Take::Numbers { list, number, coding, slots } if kind == wire::LEN => {
+                let end = self.length(end)?;
+                while self.at < end {
+                    let value = self.number(*number, *coding, end)?;
+                    self.element(*list, slots, value);
+                }
+            }
+            Take::Text if kind == wire::LEN => {
+                let end = self.length(end)?;
+                self.text = self.data.get(self.at..end).unwrap_or_default();
+                self.at = end;
+            }
+            Take::Message(inner) if kind == wire::LEN => {
+                let end = self.length(end)?;
+                self.message(inner, end)?;
+            }
+            Take::Messages { list, elements } if kind == wire::LEN => {
+                let end = self.length(end)?;
+                let count = self.next(*list);
+                match elements.iter().find(|(element, _)| *element == count) {
+                    Some((_, inner)) => self.message(inner, end)?,
+                    None => self.at = end,
+                }
+            }
+            _ => self.skip(field, kind, end)?,
+        }
+        Ok(())
+    }
+
+    /// Number of the next element of a list.
+    fn next(&mut self, list: usize) -> u32 {
+        let Some(count) = self.counts.get_mut(list) else { return u32::MAX };
+        *count = count.saturating_add(1);
+        *count - 1
+    }
+
+    fn element(&mut self, list: usize, slots: &[(u32, usize)], value: f64) {
+        let count = self.next(list);
+        slots.iter().filter(|(element, _)| *element == count).for_each(|&(_, slot)| self.put(slot, value));
+    }
+
+    #[inline]
+    fn put(&mut self, slot: usize, value: f64) {
+        if let Some(number) = self.numbers.get_mut(slot) {
+            *number = value;
+        }
+    }
+
+    fn number(&mut self, number: Number, coding: Coding, end: usize) -> Result<f64, Malformed> {
+        match coding {
+            Coding::Varint => Ok(number.cast(self.varint(end)?)),
+            Coding::Zigzag => {
+                let bits = self.varint(end)?;
+                Ok(number.cast(bits >> 1 ^ (bits & 1).wrapping_neg()))
+            }
+            Coding::Fixed => Ok(number.read::<false>(self.bytes(number.size(), end)?).unwrap_or(f64::NAN)),
+        }
+    }
+
+    fn skip(&mut self, field: u64, kind: u64, end: usize) -> Result<(), Malformed> {
+        match kind {
+            wire::GROUP => self.group(field, end),
+            _ => self.value(kind, end),
+        }
+    }
+
+    /// Skips a group and those inside it. Their end is told by its number, so that depth need not be remembered.
+    fn group(&mut self, field: u64, end: usize) -> Result<(), Malformed> {
+        let mut depth = 1_usize;
+        loop {
+            let start = self.at;
+            let (number, kind) = self.tag(end)?;
+            match kind {
+                wire::GROUP => depth += 1,
+                wire::END_GROUP if depth > 1 => depth -= 1,
+                wire::END_GROUP if number == field => return Ok(()),
+                wire::END_GROUP => {
+                    return Err(Malformed::Protobuf { offset: start, what: "a group that ends as another" });
+                }
+                _ => self.value(kind, end)?,
+            }
+        }
+    }
+
+    fn value(&mut self, kind: u64, end: usize) -> Result<(), Malformed> {
+        match kind {
+            wire::VARINT => self.varint(end).map(drop),
+            wire::I64 => self.bytes(8, end).map(drop),
+            wire::LEN => {
+                self.at = self.length(end)?;
+                Ok(())
+            }
+            wire::I32 => self.bytes(4, end).map(drop),
+            wire::END_GROUP => {
+                Err(Malformed::Protobuf { offset: self.at, what: "the end of a group that never began" })
+            }
+            _ => Err(Malformed::Protobuf { offset: self.at, what: "an unknown wire type" }),
+        }
+    }
+
+    /// Field number and wire type.
+    #[inline]
+    fn tag(&mut self, end: usize) -> Result<(u64, u64), Malformed> {
+        let start = self.at;
+        let tag = self.varint(end)?;
+        match tag >> 3 {
+            1..0x2000_0000 => Ok((tag >> 3, tag & 7)),
+            _ => Err(Malformed::Protobuf { offset: start, what: "an impossible field number" }),
+        }
+    }
+
+    /// The length of what follows; where that ends.
+    #[inline]
+    fn length(&mut self, end: usize) -> Result<usize, Malformed> {
+        let len = usize::try_from(self.varint(end)?).unwrap_or(usize::MAX);
+        match self.at.checked_add(len).filter(|&inner| inner <= end) {
+            Some(inner) => Ok(inner),
+            None => Err(Malformed::Truncated { offset: self.at, wanted: len, len: self.data.len() }),
+        }
+    }
+
+    #[inline]
+    fn bytes(&mut self, len: usize, end: usize) -> Result<&[u8], Malformed> {
+        let truncated = Malformed::Truncated { offset: self.at, wanted: len, len: self.data.len() };
+        let inner = self.at.checked_add(len).filter(|&inner| inner <= end).ok_or(truncated)?;
+        let bytes = self.data.get(self.at..inner).ok_or(truncated)?;
+        self.at = inner;
+        Ok(bytes)
+    }
+
+    #[inline]
+    fn varint(&mut self, end: usize) -> Result<u64, Malformed> {
+        let mut value = 0;
+        for (i, &byte) in self.data.get(self.at..end).unwrap_or_default().iter().take(10).enumerate() {
+            value |= u64::from(byte & 0x7f) << (7 * i);
+            if byte < 0x80 {
+                self.at += i + 1;
+                return Ok(value);
+            }
+        }
+        Err(match end - self.at.min(end) {
+            0..10 => Malformed::Truncated { offset: end, wanted: 1, len: self.data.len() },
+            _ => Malformed::Protobuf { offset: self.at, what: "a number of more than ten bytes" },
+        })
+    }
+}
+
+impl Number {
+    /// How a single one is written.
+    #[inline]
+    fn wire(self, coding: Coding) -> u64 {
+        match (coding, self.size()) {
+            (Coding::Varint | Coding::Zigzag, _) => wire::VARINT,
+            (Coding::Fixed, 8) => wire::I64,
+            (Coding::Fixed, _) => wire::I32,
+        }
+    }
+
+    /// The number that the bits of a varint mean. Those of smaller types are cut off, as parsers do.
+    #[inline]
+    fn cast(self, bits: u64) -> f64 {
+        match self {
+            Self::Bool => f64::from(bits != 0),
+            Self::I32 => (bits as i32).into(),
+            Self::U32 => (bits as u32).into(),
+            Self::I64 => bits as i64 as f64,
+            _ => bits as f64,
+        }
+    }
+}
