@@ -31,7 +31,11 @@ mod judge;
 mod observe;
 mod publish;
 mod solve;
+mod suspicion;
+mod turn;
 mod words;
+
+use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +43,8 @@ use self::book::Book;
 use self::judge::Judge;
 use self::publish::Publisher;
 use self::solve::Solution;
+use self::suspicion::{Cause, Suspicion};
+use self::turn::Turns;
 use crate::Stamp;
 use crate::fit::{self, Fixture, Place};
 use crate::imu::{Preset, Sample, Sensor};
@@ -108,6 +114,9 @@ pub struct Engine {
     segmenter: Segmenter,
     book: Book,
     publisher: Publisher,
+    turns: Turns,
+    /// What has been said to be suspicious.
+    suspected: BTreeSet<(Sensor, Cause)>,
     last_stillness: Option<Stamp>,
     last: Option<(Stamp, u64)>,
     /// Where the recording says that it is made.
@@ -125,6 +134,8 @@ impl Engine {
             segmenter: Segmenter::new(&config.still, config.secondary.len()),
             book: Book::default(),
             publisher: Publisher::default(),
+            turns: Turns::default(),
+            suspected: BTreeSet::new(),
             last_stillness: None,
             last: None,
             fix: None,
@@ -135,7 +146,13 @@ impl Engine {
     /// Takes a sample; what it taught is appended to `events`.
     pub fn push(&mut self, sensor: Sensor, sample: &Sample, events: &mut Vec<Event>) {
         let outcome = self.segmenter.push(sensor, sample);
+        if sensor == Sensor::Gyroscope && outcome != Outcome::Dropped {
+            self.turns.push(sample);
+        }
         let Outcome::Judged { changed } = outcome else { return };
+        if changed && self.segmenter.state() == State::Still {
+            self.turns.arrive(sample.stamp);
+        }
         self.last = Some((sample.stamp, sample.log_time));
         // A clock that was set back counts as a second passed.
         let due = self.last_stillness.is_none_or(|last| !(0..STILLNESS_PERIOD).contains(&sample.stamp.since(last)));
@@ -191,6 +208,7 @@ impl Engine {
     /// Takes in the rests that have ended.
     fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         while let Some(rest) = self.segmenter.next_rest() {
+            self.turns.rest(&rest);
             self.book.add(rest);
             let solution = self.solve();
             self.publish(&solution, stamp, log_time, false, events);
@@ -205,11 +223,14 @@ impl Engine {
 
     /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
-        let Self { config, fixture, segmenter, book, publisher, fix, .. } = self;
+        let Self { config, fixture, segmenter, book, publisher, turns, fix, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         let step = segmenter.accel_step();
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        solve::solve(book.entries_mut(), &judge, config, gravity, step, publisher.shape())
+        let mut solution = solve::solve(book.entries_mut(), &judge, config, gravity, step, publisher.shape());
+        solution.suspicions = suspicion::examine(segmenter, book.entries(), turns, &solution);
+        suspicion::veto(&mut solution);
+        solution
     }
 
     /// Says what has changed: segments, then coverage, then calibration.
@@ -229,7 +250,8 @@ impl Engine {
             events.push(event(Message::Segment(segment)));
         }
         let never_still = words::never_still(&self.segmenter, self.book.found(), &self.config.still);
-        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution, never_still);
+        let obstacle = never_still.or_else(|| words::obstacle(solution, self.book.entries()));
+        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution, obstacle);
         if let Some(coverage) = self.publisher.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));
         }
@@ -237,6 +259,12 @@ impl Engine {
         let news = self.publisher.calibration(calibration, at_end);
         if let Some(calibration) = &news {
             events.push(event(Message::Calibration(Box::new(calibration.clone()))));
+        }
+        for Suspicion { sensor, cause, text } in &solution.suspicions {
+            if self.suspected.insert((*sensor, *cause)) {
+                let text = format!("{}: {text}", words::sensor(&self.config, *sensor));
+                events.push(self.log(stamp, log_time, Level::Warning, text));
+            }
         }
         for text in rejected {
             events.push(self.log(stamp, log_time, Level::Warning, text));

@@ -9,18 +9,22 @@
 
 mod clock;
 mod config;
+mod extremes;
 mod floor;
 mod moments;
 mod placement;
 mod rest;
 mod segmenter;
+mod signal;
 mod status;
 mod track;
 mod window;
 
 pub use clock::{Clock, Tick};
 pub use config::{Config, Detector};
+pub use extremes::Extremes;
 pub use moments::Moments;
 pub use rest::{Rest, TriadMean};
 pub use segmenter::{Outcome, Segmenter};
+pub use signal::Signal;
 pub use status::{State, Status};

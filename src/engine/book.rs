@@ -143,6 +143,7 @@ impl Entry {
     fn absorb(&mut self, later: &Self) {
         let rest = &mut self.rest;
         rest.end = later.rest.end;
+        rest.crept = later.rest.crept;
         rest.accelerometer = merged(&rest.accelerometer, &later.rest.accelerometer);
         rest.gyroscope = both(rest.gyroscope.as_ref(), later.rest.gyroscope.as_ref());
         for (mine, theirs) in rest.secondary.iter_mut().zip(&later.rest.secondary) {
@@ -169,6 +170,9 @@ fn merged(a: &TriadMean, b: &TriadMean) -> TriadMean {
         mean: a.mean + (b.mean - a.mean) * share,
         covariance: a.covariance + (b.covariance - a.covariance) * share,
         trend: a.trend,
+        trend_noise: a.trend_noise,
+        ends: [a.ends[0], b.ends[1]],
+        extremes: a.extremes.merged(&b.extremes),
         clipped: a.clipped + b.clipped,
     }
 }

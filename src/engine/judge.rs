@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::book::{Entry, Verdict};
+use super::words;
 use crate::fit::{self, Calibration, Fixture};
+use crate::imu::Sensor;
 use crate::messages::segment::Reason;
-use crate::still::{self, Rest, Segmenter, TriadMean};
+use crate::still::{self, Rest, Segmenter, Signal, TriadMean};
 
 /// What rests are judged by.
 pub(super) struct Judge<'a> {
@@ -62,9 +64,7 @@ impl Judge<'_> {
             let Some((face, tilt)) = nearest else {
                 let read = rest.accelerometer.mean.norm();
                 verdict.reason = Reason::SensorFault;
-                verdict.explanation = format!(
-                    "reads {read:.3} m/s² at rest: is it in g (set unit = \"g\"), or was gravity removed before it was recorded?"
-                );
+                verdict.explanation = words::not_gravity(read, self.gravity);
                 verdict.face = None;
                 continue;
             };
@@ -98,7 +98,8 @@ impl Judge<'_> {
             let explanation = format!("{seconds:.2} s: hold it still for {} s or more", self.still.min_fit_s);
             return Some((Reason::TooShort, explanation));
         }
-        if let Some(explanation) = clipped(rest) {
+        let pinned = self.segmenter.signal(Sensor::Accelerometer).and_then(|signal| pinned(accelerometer, &signal));
+        if let Some(explanation) = clipped(rest).or(pinned) {
             return Some((Reason::Saturated, explanation));
         }
         // A coarse converter may stand still by itself, one whose noise is above its step does not.
@@ -120,10 +121,9 @@ impl Judge<'_> {
             return Some((Reason::Outlier, explanation));
         }
         let creep = accelerometer.trend.norm();
-        // The trend of white noise over the rest has √12 times the error of its mean.
-        let noise = (12.0 * accelerometer.mean_variance().sum()).sqrt();
         // A steady slide trips the gate when its mean has fallen behind by `max_creep`; its trend is more than that.
-        if creep > 0.7 * self.still.max_creep + 3.0 * noise {
+        let noise = if rest.crept { 0.0 } else { 3.0 * accelerometer.trend_noise };
+        if creep > 0.7 * self.still.max_creep + noise {
             let explanation = format!("specific force wandered by {creep:.3} m/s²: let the sensor settle");
             return Some((Reason::Creeping, explanation));
         }
@@ -172,6 +172,28 @@ fn clipped(rest: &Rest) -> Option<String> {
     let said = [("accelerometer", rest.accelerometer.clipped), ("gyroscope", gyroscope)];
     said.into_iter().find(|(_, clipped)| *clipped > 0).map(|(name, clipped)| {
         format!("the driver says that {clipped} readings of the {name} were clipped: set a wider range in the driver")
+    })
+}
+
+/// That an axis sits at an end of its range: the lowest or highest reading of the whole stream, far more often than noise
+/// takes it there.
+fn pinned(mean: &TriadMean, signal: &Signal) -> Option<String> {
+    const SHARE: f64 = 0.05;
+    const LEAST: u64 = 10;
+    let (rest, stream) = (&mean.extremes, &signal.extremes);
+    (0..3).filter(|axis| signal.is_fine() && !stream.is_constant(*axis)).find_map(|axis| {
+        let ends = [
+            (rest.low[axis], stream.low[axis], rest.at_low[axis]),
+            (rest.high[axis], stream.high[axis], rest.at_high[axis]),
+        ];
+        let often = |count: u64| count >= LEAST && count as f64 > SHARE * mean.samples as f64;
+        let (end, _, count) = ends.into_iter().find(|(own, all, count)| own == all && often(*count))?;
+        let share = 100.0 * count as f64 / mean.samples as f64;
+        let axis = ["x", "y", "z"][axis];
+        Some(format!(
+            "the accelerometer's {axis} axis is pinned at {end:.3} m/s², an end of its range, in {share:.0} % of the samples: \
+             set a wider range in the driver"
+        ))
     })
 }
 

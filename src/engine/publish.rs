@@ -9,6 +9,7 @@ use super::words;
 use super::{Config, Secondary};
 use crate::Stamp;
 use crate::fit::{Estimate, Fixture, Shape, Term};
+use crate::imu::Sensor;
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
 use crate::still::TriadMean;
@@ -106,7 +107,7 @@ pub(super) fn coverage(
     book: &Book,
     fixture: &Fixture,
     solution: &Solution,
-    never_still: Option<String>,
+    obstacle: Option<String>,
 ) -> messages::Coverage {
     let faces: Vec<_> = fixture
         .faces()
@@ -130,7 +131,7 @@ pub(super) fn coverage(
     // A model that needs no faces makes up for those that are missing.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let status = accelerometer_status(solution);
-    let next_step = never_still.unwrap_or_else(|| words::next_step(&faces, book.found(), solution, status));
+    let next_step = obstacle.unwrap_or_else(|| words::next_step(&faces, book.found(), solution, status));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 
@@ -178,13 +179,18 @@ fn agreement(freedom: f64) -> f64 {
 
 fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     let named = named("accelerometer", &config.accelerometer);
+    let remarks = remarks(solution, Sensor::Accelerometer);
     let fit = match &solution.accelerometer {
         Ok(fit) => fit,
         Err(why) => {
-            return Triad { notes: std::iter::once(why.clone()).chain(words::refused(solution)).collect(), ..named };
+            let remarks = remarks.into_iter().filter(|remark| remark != why);
+            let notes = std::iter::once(why.clone()).chain(remarks).chain(words::refused(solution));
+            return Triad { notes: notes.collect(), ..named };
         }
     };
     let mut notes = words::active_bounds(fit);
+    notes.extend(words::residual(fit));
+    notes.extend(remarks);
     notes.extend(words::refused(solution));
     notes.extend(solution.coarse_step.map(words::coarse));
     notes.extend(words::assumed_gravity(solution.gravity));
@@ -219,13 +225,22 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
 
 fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let named = named("gyroscope", &config.gyroscope);
+    let notes = remarks(solution, Sensor::Gyroscope);
     let Some(fit) = &solution.gyroscope else {
         let silent = solution.placements > 0 && !config.gyroscope.is_empty();
-        let note = "was silent during every rest: check its topic and its time stamps".to_owned();
-        return Triad { notes: silent.then_some(note).into_iter().collect(), ..named };
+        let note = words::no_rates(solution.gyro_placements);
+        let note = silent.then_some(note).filter(|_| notes.is_empty());
+        return Triad { notes: notes.into_iter().chain(note).collect(), ..named };
     };
     let repeats = solution.gyro_placements.saturating_sub(1);
-    Triad { status: status(repeats, fit).into(), notes: words::active_bounds(fit), ..estimated(named, fit) }
+    let notes = words::active_bounds(fit).into_iter().chain(notes).collect();
+    Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) }
+}
+
+/// What is suspicious about a triad.
+fn remarks(solution: &Solution, sensor: Sensor) -> Vec<String> {
+    let of_it = solution.suspicions.iter().filter(|suspicion| suspicion.sensor == sensor);
+    of_it.map(|suspicion| suspicion.text.clone()).collect()
 }
 
 fn named(sensor: &str, topic: &str) -> Triad {

@@ -7,12 +7,17 @@ use super::Config;
 use super::book::{Entry, Verdict};
 use super::judge::{Judge, Poses};
 use super::observe::{self, Placed};
+use super::suspicion::Suspicion;
 use super::words;
 use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{
     self, Calibration, Estimate, Gravity, Model, Place, Shape, Source, accelerometer, directions, guess, gyroscope,
     secondary,
 };
+
+/// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
+/// seen before a gyroscope's bias is believed.
+const LEAST_RESTS: f64 = 3.0;
 
 /// What the rests determine.
 #[derive(Clone, Debug)]
@@ -34,6 +39,10 @@ pub(super) struct Solution {
     pub(super) gyro_placements: usize,
     /// The direction furthest from those seen, by name, while a model that takes any direction has too few.
     pub(super) unseen: Option<String>,
+    /// The accelerometer's calibration as it was guessed before anything was fitted.
+    pub(super) guessed: Calibration,
+    /// What speaks against the readings.
+    pub(super) suspicions: Vec<Suspicion>,
 }
 
 /// The gravity to fit with.
@@ -75,7 +84,7 @@ pub(super) fn solve(
     if attempt.fit.is_err() {
         refused.pop();
     }
-    others(entries, config, gravity, step, refused, attempt)
+    Solution { guessed: start, ..others(entries, config, gravity, step, refused, attempt) }
 }
 
 /// Models to try, the richest first.
@@ -192,7 +201,7 @@ const HYSTERESIS: f64 = 1.5;
 /// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
 fn others(
     entries: &[Entry],
-    Config { fit: config, secondary, .. }: &Config,
+    Config { fit: config, secondary, still, .. }: &Config,
     gravity: Gravity,
     step: Option<f64>,
     refused: Vec<(Shape, String)>,
@@ -209,6 +218,9 @@ fn others(
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
     let rates = observe::rates(entries, calibration.as_ref());
+    let at_rest = entries.iter().filter(|entry| entry.verdict.is_at_rest());
+    let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
+    let gyroscope = gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds);
     Solution {
         gravity,
         placements: seen.len(),
@@ -218,8 +230,10 @@ fn others(
         accelerometer,
         refused,
         gyro_placements: rates.len(),
-        gyroscope: gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds).ok(),
+        gyroscope: gyroscope.ok().filter(|_| believed),
         secondary,
+        guessed: Calibration::default(),
+        suspicions: Vec::new(),
     }
 }
 

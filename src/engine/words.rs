@@ -1,13 +1,14 @@
 //! What people are told.
 
 use super::Config;
+use super::book::Entry;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
-use crate::fit::{Estimate, Gravity, Shape, Source, Term};
+use crate::fit::{Calibration, Estimate, Gravity, Shape, Source, Term};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
-use crate::messages::{Calibration, Face, Segment, Triad, Vector3};
+use crate::messages::{self, Face, Segment, Triad, Vector3};
 use crate::still::{self, Segmenter, State};
 
 /// The operator's next step.
@@ -54,7 +55,7 @@ pub(super) fn rejection(segment: &Segment) -> String {
 }
 
 /// A calibration that was published.
-pub(super) fn published(calibration: &Calibration) -> String {
+pub(super) fn published(calibration: &messages::Calibration) -> String {
     let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
     let parts: Vec<_> = triads.filter(|triad| triad.status() != Status::Undetermined).map(triad).collect();
     format!("calibration {} from {} rests: {}", calibration.revision, calibration.segments, parts.join("; "))
@@ -63,8 +64,15 @@ pub(super) fn published(calibration: &Calibration) -> String {
 /// That nothing was believed to be a rest, and why; `None` if something was.
 pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Config) -> Option<String> {
     let status = segmenter.status();
-    if found > 0 || status.state != State::Unknown {
+    if found > 0 {
         return None;
+    }
+    if status.state != State::Unknown {
+        return Some(format!(
+            "never still for {} s: it was quiet for moments only. Put it down, away from what shakes it, and let it rest for \
+             two seconds",
+            config.min_rest_s
+        ));
     }
     let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
@@ -81,16 +89,139 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     ))
 }
 
+/// What a triad is called.
+pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
+    match sensor {
+        Sensor::Accelerometer => "accelerometer",
+        Sensor::Gyroscope => "gyroscope",
+        Sensor::Secondary(i) => config.secondary.get(i).map_or("secondary", |secondary| &secondary.name),
+    }
+}
+
+/// What keeps the accelerometer from being calibrated however many faces are shown; `None` if nothing is known to.
+pub(super) fn obstacle(solution: &Solution, entries: &[Entry]) -> Option<String> {
+    let forbidden = solution.suspicions.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
+    if let Some(suspicion) = forbidden {
+        return Some(suspicion.text.clone());
+    }
+    if entries.iter().any(|entry| entry.verdict.is_accepted()) {
+        return None;
+    }
+    // No rest is any good: the fault of the longest, as a rule that of all.
+    let worst = entries.iter().max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
+    let count = entries.len();
+    Some(format!("none of {count} rests can be used: {}", worst.verdict.explanation))
+}
+
+/// What a magnitude at rest that is not gravity may be.
+pub(super) fn not_gravity(read: f64, gravity: f64) -> String {
+    let near = |value: f64| (read / value - 1.0).abs() < 0.4;
+    let guess = if near(1.0) {
+        "it is in g: set accel = { unit = \"g\" }".to_owned()
+    } else if read < 0.6 {
+        "gravity was removed before it was recorded: record the raw accelerometer instead".to_owned()
+    } else if near(100.0 * gravity) {
+        "it is in mg or cm/s²: record it in m/s² or g".to_owned()
+    } else if read > 20.0 * gravity {
+        "are these raw counts of the converter? Record them in m/s² or g".to_owned()
+    } else {
+        format!("that is {:.2} g: is the full-scale range that its driver assumes the one that is set?", read / gravity)
+    };
+    format!("reads {read:.3} m/s² at rest, where gravity is {gravity:.2}: {guess}")
+}
+
 /// The driver changed a calibration of its own.
 pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
-    let (name, advice) = match sensor {
-        Sensor::Accelerometer => ("accelerometer", "show every face again"),
-        Sensor::Gyroscope => ("gyroscope", "let the sensor rest again"),
-        Sensor::Secondary(i) => {
-            (config.secondary.get(i).map_or("secondary", |s| s.name.as_str()), "show the faces again")
-        }
+    let name = self::sensor(config, sensor);
+    let advice = match sensor {
+        Sensor::Accelerometer => "show every face again",
+        Sensor::Gyroscope => "let the sensor rest again",
+        Sensor::Secondary(_) => "show the faces again",
     };
     format!("the driver changed its own calibration of the {name}: what it read before no longer counts; {advice}")
+}
+
+/// Why a gyroscope has no bias yet, given how many placements it was read in.
+pub(super) fn no_rates(placements: usize) -> String {
+    match placements {
+        0 => "was silent during every rest: check its topic and its time stamps",
+        _ => "the rests so far are too short together to tell its bias from a slow turn: let it rest longer",
+    }
+    .to_owned()
+}
+
+/// Readings that are published twice.
+pub(super) fn repeated(share: f64) -> String {
+    format!(
+        "{:.0} % of the readings repeat the one before exactly: is the topic published twice, or the driver polled faster \
+         than the sensor measures?",
+        100.0 * share
+    )
+}
+
+/// A rate that no gyroscope measures.
+pub(super) fn too_fast(peak: f64) -> String {
+    format!(
+        "peaks at {peak:.0} rad/s, faster than any gyroscope measures: it is in deg/s. Set gyro = {{ unit = \"deg/s\" }}"
+    )
+}
+
+/// It turned too far between rests.
+pub(super) fn turned_too_far() -> String {
+    "between rests gravity turned as if the rates were in deg/s: set gyro = { unit = \"deg/s\" }".to_owned()
+}
+
+/// An axis of the gyroscope that never changes.
+pub(super) fn dead_gyroscope(axis: &str) -> String {
+    format!("the {axis} axis never changes while the others do: is it dead, or not mapped?")
+}
+
+/// A bias that is taken away while the sensor rests.
+pub(super) fn relaxing(from: f64, to: f64) -> String {
+    format!(
+        "its mean relaxes towards zero at rest, from {from:.4} to {to:.4} rad/s: an estimator in the driver removes the \
+         bias as it goes. Record the raw rates, or switch it off"
+    )
+}
+
+/// Signs of the axes under which the gyroscope would explain how gravity turned.
+pub(super) fn flipped(signs: &[f64; 3]) -> String {
+    let named = |sign: f64| {
+        let axes = ["x", "y", "z"].into_iter().zip(signs);
+        axes.filter(|(_, other)| **other == sign).map(|(axis, _)| axis).collect::<Vec<_>>().join(", ")
+    };
+    let cause = match signs.iter().filter(|sign| **sign < 0.0).count() {
+        1 => format!("the gyroscope's {} axis is flipped", named(-1.0)),
+        2 => {
+            let (kept, flipped) = (named(1.0), named(-1.0));
+            format!("the accelerometer's {kept} axis is flipped (or the gyroscope's {flipped})")
+        }
+        _ => "all axes of the gyroscope are flipped".to_owned(),
+    };
+    format!("{cause}: gravity turns between rests against what the rates say. Correct the sign in the driver")
+}
+
+/// The gyroscope does not explain how gravity turned.
+pub(super) fn disagreeing(degrees: f64) -> String {
+    format!(
+        "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no flipped axis explains it: check \
+         that its axes are those of the accelerometer, its unit and its time stamps"
+    )
+}
+
+/// The accelerometer spans far more than gravity.
+pub(super) fn stretched(times: f64) -> String {
+    format!(
+        "an axis spans {times:.2} times gravity from face to face: is the full-scale range that its driver assumes the one \
+         that is set?"
+    )
+}
+
+/// The first rest reads −g on z.
+pub(super) fn inverted() -> String {
+    "the first rest reads −g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
+     rests cannot tell. The calibration holds for the readings as they are"
+        .to_owned()
 }
 
 /// Further remarks, to be put behind a sentence.
@@ -103,7 +234,14 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
     let mut said = Vec::new();
     said.extend(never_still(segmenter, found, config).map(|text| (Level::Warning, text)));
     if segmenter.dropped() > 0 {
-        let text = format!("{} samples with repeated or backward stamps were dropped", segmenter.dropped());
+        let read = [Sensor::Accelerometer, Sensor::Gyroscope].into_iter().filter_map(|sensor| segmenter.signal(sensor));
+        let share = segmenter.dropped() as f64 / (segmenter.dropped() + read.map(|s| s.readings).sum::<u64>()) as f64;
+        let twice = if share > 0.2 { ": is the topic published twice?" } else { "" };
+        let text = format!(
+            "{} samples ({:.0} %) with repeated or backward stamps were dropped{twice}",
+            segmenter.dropped(),
+            100.0 * share
+        );
         said.push((Level::Warning, text));
     }
     if segmenter.breaks() > 0 {
@@ -144,6 +282,20 @@ fn parameter(term: Term) -> String {
         Term::Other(row, column) => format!("sensitivity of {} to the other sensor's {}", axis(row), axis(column)),
         Term::Square(i) => format!("g²-sensitivity {}", axis(i)),
     }
+}
+
+/// That the fit is the identity within its bars.
+pub(super) fn residual(fit: &Estimate) -> Option<String> {
+    /// So many standard deviations hold all parameters of a corrected sensor nine times in ten.
+    const WITHIN: f64 = 2.4;
+    let identity = fit.shape.vector(&Calibration::default());
+    let off = &fit.parameters - identity;
+    let within = off.iter().enumerate().all(|(i, off)| off.abs() <= WITHIN * fit.std(i));
+    within.then(|| {
+        "no correction within its bars: the readings are corrected already, and this is a residual calibration, not the \
+         raw sensor's"
+            .to_owned()
+    })
 }
 
 /// Noise does not average the rounding out.

@@ -24,6 +24,8 @@ pub(super) struct Floor {
     lowest_bin: usize,
     /// Smallest step seen between two readings of one axis.
     step: Option<f64>,
+    /// Readings that were the reading before.
+    repeated: u64,
     last: Option<Vector3<f64>>,
     level: Option<f64>,
 }
@@ -56,6 +58,7 @@ impl Floor {
             ceiling,
             lowest_bin: BINS,
             step: None,
+            repeated: 0,
             last: None,
             level: None,
         }
@@ -64,6 +67,7 @@ impl Floor {
     /// Sees one sample, for the quantisation step.
     pub(super) fn sample(&mut self, value: &Vector3<f64>) {
         if let Some(last) = self.last {
+            self.repeated += u64::from(last == *value);
             for step in (value - last).iter().map(|d| d.abs()) {
                 // Below that it is rounding of the conversion to SI units, not a step of the converter.
                 if step > 1e-7 && self.step.is_none_or(|least| step < least) {
@@ -112,6 +116,11 @@ impl Floor {
     /// Smallest step seen between two readings of one axis, an upper bound of the resolution.
     pub(super) fn step(&self) -> Option<f64> {
         self.step
+    }
+
+    /// How many readings were, in all three axes, the reading before.
+    pub(super) fn repeated(&self) -> u64 {
+        self.repeated
     }
 
     fn quantile(&self) -> Option<f64> {

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::Moments;
+use super::{Extremes, Moments};
 use crate::Stamp;
 use crate::imu::Sensor;
 
@@ -16,6 +16,8 @@ pub struct Rest {
     pub end: Stamp,
     /// Rests with no motion between them share a number.
     pub placement: u32,
+    /// Whether it follows one whose mean wandered off, with nothing loud between them: both are pieces of a slide.
+    pub crept: bool,
     /// The primary accelerometer, m/s².
     pub accelerometer: TriadMean,
     /// The gyroscope, rad/s, if there is one.
@@ -58,6 +60,12 @@ pub struct TriadMean {
     pub covariance: Matrix3<f64>,
     /// Change of each axis from start to end along the line of best fit.
     pub trend: Vector3<f64>,
+    /// Standard deviation that noise gives the length of the trend, itself not counted as noise.
+    pub trend_noise: f64,
+    /// Means of the first and of the last whole window; of everything where no window is whole.
+    pub ends: [Vector3<f64>; 2],
+    /// Lowest and highest readings.
+    pub extremes: Extremes,
     /// How many samples the driver called clipped.
     pub clipped: u64,
 }
@@ -89,6 +97,9 @@ pub(super) struct Sums {
     batch_count: u64,
     /// Of the means of whole batches.
     batches: Moments,
+    /// The first and the last of them.
+    ends: Option<[Vector3<f64>; 2]>,
+    extremes: Option<Extremes>,
     /// Mean of the times since start, their sum of squared deviations, and that with the values.
     time_mean: f64,
     time_squares: f64,
@@ -106,6 +117,8 @@ impl Sums {
             batch: Vector3::zeros(),
             batch_count: 0,
             batches: Moments::default(),
+            ends: None,
+            extremes: None,
             time_mean: 0.0,
             time_squares: 0.0,
             time_products: Vector3::zeros(),
@@ -124,10 +137,17 @@ impl Sums {
         let first = self.bounds.map_or(stamp, |(first, _)| first);
         self.bounds = Some((first, stamp));
 
+        match &mut self.extremes {
+            Some(extremes) => extremes.push(value),
+            None => self.extremes = Some(Extremes::of(value)),
+        }
+
         self.batch += value;
         self.batch_count += 1;
         if self.batch_count == self.batch_size {
-            self.batches.push(&(self.batch / self.batch_size as f64));
+            let mean = self.batch / self.batch_size as f64;
+            self.batches.push(&mean);
+            self.ends = Some([self.ends.map_or(mean, |[first, _]| first), mean]);
             (self.batch, self.batch_count) = (Vector3::zeros(), 0);
         }
     }
@@ -157,12 +177,15 @@ impl Sums {
     }
 
     pub(super) fn finish(&self) -> Option<TriadMean> {
-        (self.all.count() > 0).then(|| TriadMean {
+        Some(TriadMean {
             samples: self.all.count(),
             effective: self.effective(),
             mean: self.all.mean(),
             covariance: self.all.covariance(),
             trend: self.trend(),
+            trend_noise: self.trend_noise(),
+            ends: self.ends.unwrap_or([self.all.mean(); 2]),
+            extremes: self.extremes?,
             clipped: self.clipped,
         })
     }
@@ -177,16 +200,29 @@ impl Sums {
     /// be that of one sample over `batch_size`; what it is more is correlation. A few batches say little, so their
     /// verdict is shrunk towards white.
     fn effective(&self) -> f64 {
+        self.effective_about(self.all.variance(), self.batches.variance())
+    }
+
+    /// From the variances of one sample and of a batch mean.
+    fn effective_about(&self, of_one: f64, of_batch: f64) -> f64 {
         const WHITE_BATCHES: f64 = 2.0;
         let samples = self.all.count() as f64;
-        let of_one = self.all.variance();
         if self.batches.count() < 2 || of_one <= 0.0 {
             return samples;
         }
-        let inflation = self.batches.variance() * self.batch_size as f64 / of_one;
+        let inflation = of_batch * self.batch_size as f64 / of_one;
         let weight = (self.batches.count() - 1) as f64;
         let shrunk = (inflation * weight + WHITE_BATCHES) / (weight + WHITE_BATCHES);
         (samples / shrunk.max(1.0)).max(1.0)
+    }
+
+    /// The trend of noise over a rest has √12 times the error of its mean. A slide is no correlation of the noise, so it
+    /// is taken out of both variances: a twelfth of its square.
+    fn trend_noise(&self) -> f64 {
+        let slide = self.trend().norm_squared() / 12.0;
+        let of_one = (self.all.variance() - slide).max(0.0);
+        let effective = self.effective_about(of_one, (self.batches.variance() - slide).max(0.0));
+        (12.0 * of_one / effective).sqrt()
     }
 }
 

@@ -13,7 +13,7 @@ use super::placement::{Placement, creep_limit};
 use super::rest::{Rest, TriadMean};
 use super::status::{State, Status};
 use super::track::{Track, Yardstick};
-use super::{Config, Detector};
+use super::{Config, Detector, Signal};
 use crate::Stamp;
 use crate::imu::{Sample, Sensor};
 
@@ -41,6 +41,8 @@ pub struct Segmenter {
     phase: Phase,
     state: State,
     placement: Placement,
+    /// Whether the last rest ended by creep, and nothing was loud since.
+    sliding: bool,
     /// Rests that nobody can believe yet, oldest first.
     held: VecDeque<Rest>,
     ready: VecDeque<Rest>,
@@ -58,6 +60,8 @@ enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     Motion,
+    /// The mean has wandered off.
+    Creep,
     Gap,
     Split,
 }
@@ -82,6 +86,7 @@ impl Segmenter {
             phase: Phase::Moving,
             state: State::Unknown,
             placement: Placement::default(),
+            sliding: false,
             held: VecDeque::new(),
             ready: VecDeque::new(),
             config,
@@ -140,7 +145,12 @@ impl Segmenter {
         }
     }
 
-    /// The present state.
+    /// Whether the IMU rests.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// The present state, and what it was judged by.
     pub fn status(&self) -> Status {
         Status {
             state: self.state,
@@ -167,6 +177,15 @@ impl Segmenter {
         self.accelerometer.step()
     }
 
+    /// What the stream of a triad is like; `None` before its first sample.
+    pub fn signal(&self, sensor: Sensor) -> Option<Signal> {
+        match sensor {
+            Sensor::Accelerometer => self.accelerometer.signal(),
+            Sensor::Gyroscope => self.gyroscope.as_ref()?.signal(),
+            Sensor::Secondary(i) => self.secondary.get(i)?.signal(),
+        }
+    }
+
     fn track(&mut self, sensor: Sensor) -> Option<&mut Track> {
         let config = &self.config;
         match sensor {
@@ -184,6 +203,7 @@ impl Segmenter {
         let loud = statistic.is_some_and(|statistic| statistic > self.config.leave);
         if loud && self.phase != Phase::Still {
             self.placement.end();
+            self.sliding = false;
         }
         self.phase = match self.phase {
             Phase::Moving if quiet => {
@@ -198,8 +218,12 @@ impl Segmenter {
                 Phase::Moving
             }
             Phase::Settling(since) if now.seconds_since(since) >= self.config.settle_s => Phase::Still,
-            Phase::Still if loud || self.creeps() || self.is_outdated() => {
+            Phase::Still if loud || self.is_outdated() => {
                 self.end_rest(End::Motion);
+                Phase::Moving
+            }
+            Phase::Still if self.creeps() => {
+                self.end_rest(End::Creep);
                 Phase::Moving
             }
             phase => phase,
@@ -248,11 +272,13 @@ impl Segmenter {
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
             let placement = self.placement.place(&accelerometer, self.config.max_creep);
-            self.keep(Rest { start, end: stop, placement, accelerometer, gyroscope, secondary });
+            let crept = self.sliding;
+            self.keep(Rest { start, end: stop, placement, crept, accelerometer, gyroscope, secondary });
         }
-        if end == End::Motion {
+        if matches!(end, End::Motion | End::Creep) {
             self.placement.end();
         }
+        self.sliding = end == End::Creep || self.sliding && end == End::Split;
     }
 
     fn keep(&mut self, rest: Rest) {

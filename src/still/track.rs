@@ -9,7 +9,7 @@ use super::clock::{Clock, Tick};
 use super::floor::Floor;
 use super::rest::{Sums, TriadMean};
 use super::window::Window;
-use super::{Config, Detector};
+use super::{Config, Detector, Extremes, Signal};
 use crate::Stamp;
 use crate::imu::Sample;
 
@@ -37,6 +37,8 @@ pub(super) struct Track {
     /// Stamps of readings among them that the driver called clipped.
     clipped: VecDeque<Stamp>,
     open: Option<Sums>,
+    extremes: Option<Extremes>,
+    readings: u64,
     /// The sample period that the window was made for.
     sized_for: Option<i64>,
 }
@@ -71,6 +73,8 @@ impl Track {
             recent: VecDeque::new(),
             clipped: VecDeque::new(),
             open: None,
+            extremes: None,
+            readings: 0,
             sized_for: None,
         }
     }
@@ -86,6 +90,11 @@ impl Track {
             self.recent.pop_front();
         }
         self.recent.push_back((sample.stamp, sample.value));
+        self.readings += 1;
+        match &mut self.extremes {
+            Some(extremes) => extremes.push(&sample.value),
+            None => self.extremes = Some(Extremes::of(&sample.value)),
+        }
         self.size_window();
         if let Some(quiet) = &mut self.quiet {
             quiet.push(&sample.value);
@@ -175,6 +184,17 @@ impl Track {
 
     pub(super) fn step(&self) -> Option<f64> {
         self.quiet.as_ref()?.floor.step()
+    }
+
+    /// What its stream is like; `None` before the first sample.
+    pub(super) fn signal(&self) -> Option<Signal> {
+        Some(Signal {
+            extremes: self.extremes?,
+            step: self.step(),
+            noise: self.level().map(|level| level / 3_f64.sqrt()),
+            readings: self.readings,
+            repeated: self.quiet.as_ref().map_or(0, |quiet| quiet.floor.repeated()),
+        })
     }
 
     pub(super) fn clock(&self) -> &Clock {
