@@ -34,6 +34,8 @@ pub enum Command {
     Annotate(Annotate),
     /// What could be calibrated in a recording, and why not the rest
     Topics(Topics),
+    /// What was learned from a recording, on the terminal or as a page to look at
+    Report(Report),
     /// The calibration of a recording, for other programs
     Export(Export),
     /// A calibration that another program wrote, as our own: to compare with, or to correct by
@@ -45,6 +47,10 @@ pub enum Command {
     /// Show or check the configuration
     #[command(subcommand)]
     Config(Config),
+    /// Print the completions of a shell
+    Completions(Completions),
+    /// Write the manual pages
+    Man(Man),
 }
 
 #[derive(Debug, Args)]
@@ -111,6 +117,34 @@ pub struct Topics {
     pub input: PathBuf,
     #[command(flatten)]
     pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Report {
+    /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
+    pub input: PathBuf,
+    /// Write a page: one HTML file that needs nothing else [default: a summary on the terminal]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub against: Against,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// Which shell
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub struct Man {
+    /// Folder to write into
+    pub dir: PathBuf,
 }
 
 #[derive(Debug, Args)]

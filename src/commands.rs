@@ -5,6 +5,8 @@ mod config;
 mod export;
 mod import;
 mod progress;
+mod report;
+mod shell;
 mod simulate;
 mod strip;
 mod summary;
@@ -17,7 +19,7 @@ use std::process::ExitCode;
 
 use stillpoint::config::{Config, Layer};
 use stillpoint::run::{Partial, Stop};
-use stillpoint::{Error, report};
+use stillpoint::{Error, report as formats};
 
 use crate::cli::{Axes, Cli, Command, Configuration};
 
@@ -29,6 +31,9 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
         Command::Topics(args) => topics::run(&args, json, stop),
         Command::Export(args) => export::run(&args, stop),
         Command::Import(args) => import::run(&args),
+        Command::Report(args) => report::run(&args, json, stop),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
         Command::Strip(args) => strip::run(&args, json, stop),
         Command::Simulate(args) => simulate::run(&args, json),
         Command::Config(verb) => config::run(verb, json),
@@ -112,10 +117,10 @@ fn text_of(path: &Path) -> Result<String, Error> {
     std::fs::read_to_string(path).map_err(Error::io("read", path))
 }
 
-fn axes(typed: Option<Axes>) -> Option<report::Axes> {
+fn axes(typed: Option<Axes>) -> Option<formats::Axes> {
     typed.map(|axes| match axes {
-        Axes::Flu => report::Axes::Flu,
-        Axes::Frd => report::Axes::Frd,
+        Axes::Flu => formats::Axes::Flu,
+        Axes::Frd => formats::Axes::Frd,
     })
 }
 

@@ -4,27 +4,35 @@
 //! read on a terminal to the program.
 
 mod drift;
+mod envelope;
 mod export;
 mod findings;
 mod import;
 mod json;
+mod page;
 mod parameters;
+mod plot;
+mod story;
 mod words;
 mod yaml;
 
 pub use drift::{Change, Drift, drift};
+pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, Readings, export};
 pub use findings::Findings;
 pub use import::{ImportError, import};
 pub use json::{drifts, imus, rests};
+pub use page::Page;
 pub use parameters::Parameters;
+pub use story::Story;
 pub use words::{estimate, model};
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::Stamp;
 use crate::fit::Calibration;
 use crate::messages::triad::Status;
-use crate::messages::{self, Triad};
+use crate::messages::{self, Segment, Triad};
 
 /// Bias and sensitivity of a triad, if they are determined. A sensitivity that was not estimated is the identity.
 pub fn calibration(triad: &Triad) -> Option<Calibration> {
@@ -44,6 +52,16 @@ fn vector(v: &messages::Vector3) -> Vector3<f64> {
 
 fn row_major(matrix: &Matrix3<f64>) -> Vec<f64> {
     matrix.transpose().as_slice().to_vec()
+}
+
+/// Seconds from `origin` to a stamp of a message.
+pub fn seconds(stamp: &Option<prost_types::Timestamp>, origin: Stamp) -> f64 {
+    Stamp::from_nanos(nanos(stamp)).seconds_since(origin)
+}
+
+/// How long a rest lasted, in seconds.
+pub fn length(rest: &Segment) -> f64 {
+    seconds(&rest.end, Stamp::from_nanos(nanos(&rest.start)))
 }
 
 /// Nanoseconds since the epoch; 0 for no stamp, and saturating.

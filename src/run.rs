@@ -12,6 +12,7 @@ mod read_back;
 mod recording;
 mod spill;
 mod stop;
+mod story;
 mod strip;
 
 pub use batch::{Form, Options, Report, annotate, calibrate};
@@ -22,4 +23,5 @@ pub use partial::Partial;
 pub use read_back::findings;
 pub use recording::{Recording, Watch};
 pub use stop::Stop;
+pub use story::{Stories, stories};
 pub use strip::strip;

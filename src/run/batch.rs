@@ -246,7 +246,7 @@ impl Report {
 }
 
 /// The topics there are, why they are not used, and how to map one.
-fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -> Error {
+pub(super) fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -> Error {
     const LISTED: usize = 8;
     let topic = |(channel, verdict): &(Channel, Verdict)| {
         let schema = inventory.schemas().get(&channel.schema_id);

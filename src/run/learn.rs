@@ -119,6 +119,11 @@ impl<'a> Learner<'a> {
         self.blocks.drain(..)
     }
 
+    /// Topics of the annotations so far.
+    pub(super) fn topics(&self) -> &[Topic] {
+        self.annotator.topics()
+    }
+
     /// The recording has ended.
     pub(super) fn finish(mut self) -> Learned {
         for i in 0..self.imus.len() {

@@ -1,5 +1,6 @@
 //! A recording on disk: opening it, and reading it through a scan. What its messages mean is left to the caller.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::ops::Range;
@@ -95,6 +96,14 @@ impl Recording {
                 Err(Error::input(path, format!("was edited since it was annotated ({why}): the original is lost")))
             }
         }
+    }
+
+    /// What determined the annotations in the file, if Stillpoint wrote it and nobody touched it since.
+    pub(super) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
+        Ok(match self.recognise(|bytes| recognise(bytes, self.length()))? {
+            Kind::Annotated { settings, .. } | Kind::Sidecar { settings } => Some(settings),
+            Kind::Recording | Kind::Edited { .. } => None,
+        })
     }
 
     /// The original in an annotated recording that lost its end, which only a scan can tell.

@@ -6,8 +6,8 @@ use serde_json::{Map, Value, json};
 
 use super::{ExportError, Exported, accelerometer, beyond, comments, gyroscope, heading};
 use crate::fit::Calibration;
-use crate::messages::{Segment, TriadMean};
-use crate::report::{Findings, matrix, row_major, yaml};
+use crate::messages::TriadMean;
+use crate::report::{Findings, length, matrix, row_major, yaml};
 
 const WALKS: &str =
     "the random walks of the biases show only in hours at rest (Allan variance), not in the rests of a calibration";
@@ -128,8 +128,7 @@ impl Noise {
     fn of(imu: &Findings) -> Self {
         let seen = |sensor: &'static str| {
             let accepted = imu.rests.values().filter(|rest| rest.accepted);
-            accepted
-                .filter_map(move |rest| Some((rest.means.iter().find(|mean| mean.sensor == sensor)?, seconds(rest))))
+            accepted.filter_map(move |rest| Some((rest.means.iter().find(|mean| mean.sensor == sensor)?, length(rest))))
         };
         let density = |sensor| {
             let (mut energy, mut samples) = (0.0, 0.0);
@@ -153,10 +152,6 @@ impl Noise {
 /// Of one sample, mean over the axes.
 fn variance(mean: &TriadMean) -> f64 {
     mean.std.as_ref().map_or(0.0, |std| (std.x * std.x + std.y * std.y + std.z * std.z) / 3.0)
-}
-
-fn seconds(rest: &Segment) -> f64 {
-    crate::report::nanos(&rest.end).saturating_sub(crate::report::nanos(&rest.start)) as f64 * 1e-9
 }
 
 fn rows(matrix: &Matrix3<f64>) -> Value {

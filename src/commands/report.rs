@@ -1,0 +1,119 @@
+//! `stillpoint report`: what was learned, as a page or on the terminal.
+
+use console::style;
+use serde_json::{Value, json};
+use stillpoint::Error;
+use stillpoint::report::{self, Findings, Page, Story};
+use stillpoint::run::{self, Recording, Stop};
+
+use super::progress::Progress;
+use super::table::Table;
+use super::{Code, check_free, configuration, import, print, print_json, summary, write};
+use crate::cli;
+
+pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
+    let config = configuration(&args.configuration)?;
+    let earlier = import::against(&args.against)?;
+    let earlier = earlier.as_deref();
+    check_free(args.output.as_deref(), args.force)?;
+    let recording = Recording::open(&args.input)?;
+    let stories = {
+        let progress = Progress::new(&recording, stop);
+        run::stories(&recording, &config, &|done| progress.watch(done))?
+    };
+    if json {
+        print_json(&machine(&stories.imus, earlier))?;
+    }
+    if let Some(output) = &args.output {
+        let name = args.input.file_name().unwrap_or_default().to_string_lossy();
+        let (imus, notes, settings) = (&stories.imus, &stories.notes, &stories.settings);
+        let page = Page { recording: &name, stories: imus, notes, settings, earlier };
+        write(&page.html(), Some(output), args.force)?;
+        tracing::info!("wrote {}", output.display());
+    } else if !json {
+        let text: Vec<_> = stories.imus.iter().map(|story| people(story, earlier)).collect();
+        let notes: String = stories.notes.iter().map(|note| format!("{note}\n")).collect();
+        let text = format!("{}\n{notes}", text.join("\n\n"));
+        // The summary is coloured for standard error; what is piped has no colours.
+        let plain = !console::colors_enabled();
+        print(&if plain { console::strip_ansi_codes(&text).into_owned() } else { text })?;
+    }
+    Ok(Code::Done)
+}
+
+fn machine(stories: &[Story], earlier: Option<&[Findings]>) -> Value {
+    let mut result = json!({"imus": report::imus(stories.iter().map(|story| &story.findings))});
+    if let Some(earlier) = earlier {
+        result["drift"] = stories.iter().map(|story| report::drifts(&story.findings, earlier)).collect();
+    }
+    result
+}
+
+fn people(story: &Story, earlier: Option<&[Findings]>) -> String {
+    let mut lines = vec![summary::imu(&story.findings, earlier)];
+    lines.extend(timeline(story));
+    lines.extend(rests(&story.findings));
+    lines.join("\n")
+}
+
+/// The recording as one line of blocks: rests on a face, rejected rests, motion.
+fn timeline(story: &Story) -> Vec<String> {
+    const COLUMNS: usize = 76;
+    let rests = &story.findings.rests;
+    let Some((from, until)) = story.span().filter(|(from, until)| from < until && !rests.is_empty()) else {
+        return Vec::new();
+    };
+    let seconds = until.seconds_since(from);
+    let mut marks = ['·'; COLUMNS];
+    let mut names = [' '; COLUMNS];
+    let mut free_from = 0;
+    for rest in rests.values() {
+        let (start, end) = (report::seconds(&rest.start, from), report::seconds(&rest.end, from));
+        let column = |at: f64| ((at / seconds * COLUMNS as f64).max(0.0) as usize).min(COLUMNS - 1);
+        let (first, last) = (column(start), column(end));
+        let mark = if rest.accepted { '█' } else { '░' };
+        marks.iter_mut().take(last + 1).skip(first).for_each(|place| *place = mark);
+        if rest.accepted && first >= free_from {
+            rest.face.chars().zip(names.iter_mut().skip(first)).for_each(|(letter, place)| *place = letter);
+            free_from = first + rest.face.chars().count() + 1;
+        }
+    }
+    let text = |letters: [char; COLUMNS]| letters.iter().collect::<String>();
+    vec![
+        format!("  {}", style(format!("{seconds:.0} s: █ rest on a face, ░ rejected, · motion")).dim()),
+        format!("  {}", text(marks)),
+        format!("  {}", text(names).trim_end()),
+    ]
+}
+
+/// The accepted rests, as far as a terminal bears.
+fn rests(findings: &Findings) -> Vec<String> {
+    const LISTED: usize = 40;
+    let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
+    let known = accelerometer.and_then(report::calibration);
+    let gravity = findings.calibration.as_ref().map_or(9.80665, |found| found.gravity);
+    let mut table = Table::default();
+    table.row(["rest", "length", "face", "tilt", "‖a‖ − g", "corrected"].map(str::to_owned));
+    let accepted = || findings.rests.values().enumerate().filter(|(_, rest)| rest.accepted);
+    for (i, rest) in accepted().take(LISTED) {
+        let mean = rest.means.iter().find(|mean| mean.sensor == "accelerometer").and_then(|mean| mean.mean.as_ref());
+        let mean = mean.map(|mean| nalgebra::Vector3::new(mean.x, mean.y, mean.z));
+        let signed =
+            |value: Option<f64>, decimals: usize| value.map(|v| format!("{v:+.decimals$}")).unwrap_or_default();
+        table.row([
+            format!("{}", i + 1),
+            format!("{:.1} s", report::length(rest)),
+            rest.face.clone(),
+            rest.tilt_deg.map(|tilt| format!("{tilt:.1}°")).unwrap_or_default(),
+            signed(mean.map(|mean| mean.norm() - gravity), 3),
+            signed(mean.zip(known).map(|(mean, known)| known.correct(&mean).norm() - gravity), 4),
+        ]);
+    }
+    match accepted().count() {
+        0 => Vec::new(),
+        count => {
+            let more = (count > LISTED).then(|| format!("  … and {} more", count - LISTED));
+            table.lines("  ").into_iter().chain(more).collect()
+        }
+    }
+}

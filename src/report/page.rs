@@ -1,0 +1,322 @@
+//! The report as one HTML file: no script, no network, light and dark, for screens of any width and for paper.
+//!
+//! Each section is a module; drawing is left to [`plot`](super::plot).
+
+mod faces;
+mod history;
+mod numbers;
+mod rests;
+mod signal;
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+use super::{Findings, Story, calibration, model, vector};
+use crate::Stamp;
+use crate::messages::foxglove::log::Level;
+use crate::messages::triad::Status;
+use crate::messages::{Segment, Triad};
+
+/// What a report is about.
+#[derive(Debug)]
+pub struct Page<'a> {
+    /// Name of the recording.
+    pub recording: &'a str,
+    /// Its IMUs.
+    pub stories: &'a [Story],
+    /// What was missed or wrong in it, one line each.
+    pub notes: &'a [String],
+    /// The settings that were used, as TOML.
+    pub settings: &'a str,
+    /// An earlier calibration to compare with.
+    pub earlier: Option<&'a [Findings]>,
+}
+
+impl Page<'_> {
+    /// The file.
+    pub fn html(&self) -> String {
+        let Self { recording, stories, .. } = self;
+        let imus: String = stories.iter().map(|story| self.imu(story)).collect();
+        let notes = list("notes", self.notes);
+        let plural = if stories.len() == 1 { "IMU" } else { "IMUs" };
+        let when = stories.iter().filter_map(Story::span).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+        let when = when.map(|(from, until)| format!("{}{} · ", date(from), duration(until.seconds_since(from))));
+        let settings = match self.settings {
+            "" => String::new(),
+            settings => format!("<details><summary>Settings used</summary><pre>{}</pre></details>", escape(settings)),
+        };
+        format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+             <meta name=\"color-scheme\" content=\"light dark\"><title>{name} – Stillpoint</title><style>{css}</style></head>\n\
+             <body><header><p class=\"kicker\">Stillpoint report</p><h1>{name}</h1><p class=\"dim\">{when}{n} {plural}</p></header>\n\
+             <main>{notes}{imus}</main>\n<footer>{settings}<p class=\"dim\">Direction of the numbers: \
+             <b>measured = bias + S · true</b>; to correct a reading, true = S⁻¹ (measured − bias). Intervals are 95 %. \
+             Stillpoint {version}.</p></footer></body></html>\n",
+            name = escape(recording),
+            css = include_str!("page/page.css"),
+            when = when.unwrap_or_default(),
+            n = stories.len(),
+            version = env!("CARGO_PKG_VERSION"),
+        )
+    }
+
+    fn imu(&self, story: &Story) -> String {
+        let imu = Imu::new(story);
+        let sections = [
+            summary(&imu),
+            signal::acceleration(&imu),
+            faces::section(&imu),
+            numbers::section(&imu, self.earlier),
+            rests::residuals(&imu),
+            history::section(&imu),
+            signal::statistic(&imu),
+            rests::rejected(&imu),
+            rests::accepted(&imu),
+            log(story, &imu),
+        ];
+        format!("<article>{}</article>\n", sections.concat())
+    }
+}
+
+/// One IMU's story with what several sections need.
+struct Imu<'a> {
+    story: &'a Story,
+    findings: &'a Findings,
+    /// Where its clock begins, and how long it runs, in seconds.
+    origin: Stamp,
+    seconds: f64,
+    rests: Vec<Rest<'a>>,
+}
+
+/// A rest as the sections see it.
+struct Rest<'a> {
+    segment: &'a Segment,
+    /// Counts from 1.
+    number: usize,
+    /// Seconds since the origin.
+    from: f64,
+    until: f64,
+    /// Its face's place in the coverage.
+    face: Option<usize>,
+    /// ‖a‖ − g of the mean reading, before and after correction, m/s².
+    raw: Option<f64>,
+    corrected: Option<f64>,
+    /// Direction of the mean, corrected if that can be.
+    up: Option<nalgebra::Vector3<f64>>,
+}
+
+impl<'a> Imu<'a> {
+    fn new(story: &'a Story) -> Self {
+        let findings = &story.findings;
+        let first = findings.rests.keys().next().map(|&nanos| Stamp::from_nanos(nanos));
+        let (origin, end) = story.span().unwrap_or_else(|| {
+            let last = findings.rests.values().map(|rest| super::nanos(&rest.end)).max().unwrap_or_default();
+            (first.unwrap_or_default(), Stamp::from_nanos(last))
+        });
+        let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
+        let known = accelerometer.and_then(calibration);
+        let gravity = findings.calibration.as_ref().map_or(9.80665, |found| found.gravity);
+        let faces = findings.coverage.as_ref().map_or(&[][..], |coverage| &coverage.faces);
+        let rest = |(i, segment): (usize, &'a Segment)| {
+            let at = |stamp| Stamp::from_nanos(super::nanos(stamp)).seconds_since(origin);
+            let mean = segment.means.iter().find(|mean| mean.sensor == "accelerometer");
+            let mean = mean.and_then(|mean| mean.mean.as_ref()).map(vector);
+            let corrected = mean.zip(known.as_ref()).map(|(mean, known)| known.correct(&mean));
+            Rest {
+                segment,
+                number: i + 1,
+                from: at(&segment.start),
+                until: at(&segment.end),
+                face: faces.iter().position(|face| face.name == segment.face),
+                raw: mean.map(|mean| mean.norm() - gravity),
+                corrected: corrected.map(|value| value.norm() - gravity),
+                up: corrected.or(mean).and_then(|value| value.try_normalize(1e-9)),
+            }
+        };
+        let rests = findings.rests.values().enumerate().map(rest).collect();
+        Self { story, findings, origin, seconds: end.seconds_since(origin).max(1e-3), rests }
+    }
+
+    fn accelerometer(&self) -> Option<&'a Triad> {
+        self.findings.calibration.as_ref()?.accelerometer.as_ref()
+    }
+
+    /// Every triad that a calibration speaks of.
+    fn triads(&self) -> impl Iterator<Item = &'a Triad> + use<'a> {
+        let found = self.findings.calibration.iter();
+        found.flat_map(|found| found.accelerometer.iter().chain(&found.gyroscope).chain(&found.secondary))
+    }
+}
+
+/// The verdict, the next step, and the numbers that matter most.
+fn summary(imu: &Imu<'_>) -> String {
+    let Findings { name, topic, coverage, .. } = imu.findings;
+    let heading = match topic == name {
+        true => escape(name).into_owned(),
+        false => format!("{} <small>{}</small>", escape(name), escape(topic)),
+    };
+    let badges: String = imu.triads().map(badge).collect();
+    let next = coverage.as_ref().map(|coverage| coverage.next_step.as_str()).filter(|step| !step.is_empty());
+    let next = next.unwrap_or("record the sensor at rest, each face up in turn");
+    let done = imu.accelerometer().is_some_and(|triad| triad.status() == Status::Confirmed);
+    let (class, label) = if done { ("next done", "✓") } else { ("next", "Next") };
+    let why = imu.findings.reason().filter(|why| *why != next);
+    let why = why.map(|why| {
+        format!("<p class=\"why\">No accelerometer calibration: {}.</p>", escape(&minus(why.trim_end_matches('.'))))
+    });
+
+    let (found, accepted) = (imu.rests.len(), imu.findings.accepted());
+    let mut tiles = tile("Rests", &format!("{accepted} <small>of {found} accepted</small>"));
+    if let Some(coverage) = coverage {
+        let seen = coverage.faces.iter().filter(|face| face.placements > 0).count();
+        tiles += &tile("Faces", &format!("{seen} <small>of {} seen</small>", coverage.faces.len()));
+    }
+    let rms = |value: fn(&Rest<'_>) -> Option<f64>| {
+        let squares: Vec<_> =
+            imu.rests.iter().filter(|rest| rest.segment.accepted).filter_map(value).map(|v| v * v).collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    };
+    if let (Some(before), Some(after)) = (rms(|rest| rest.raw), rms(|rest| rest.corrected)) {
+        let value = format!("{before:.3} → {after:.4} <small>m/s²</small>");
+        tiles += &tile("‖a‖ − g at rest, before → after", &value);
+    }
+    if let Some(worst) = imu.accelerometer().and_then(|triad| triad.worst_case_error) {
+        tiles += &tile("A corrected reading errs by at most", &format!("{worst:.3} <small>m/s² (95 %)</small>"));
+    }
+    let why = why.unwrap_or_default();
+    format!(
+        "<h2>{heading}</h2><p class=\"badges\">{badges}</p><p class=\"{class}\"><b>{label}</b> {}</p>{why}<div class=\"tiles\">{tiles}</div>",
+        escape(&minus(&sentence(next)))
+    )
+}
+
+fn badge(triad: &Triad) -> String {
+    let status = triad.status().as_str_name();
+    let model = model(triad.model()).map(|model| format!(" {model}")).unwrap_or_default();
+    let class = status.to_lowercase();
+    format!("<span class=\"badge {class}\">{}<b>{status}</b>{model}</span> ", escape(&triad.sensor))
+}
+
+fn tile(name: &str, value: &str) -> String {
+    format!("<div class=\"tile\"><span>{name}</span><strong>{value}</strong></div>")
+}
+
+fn log(story: &Story, imu: &Imu<'_>) -> String {
+    if story.log.is_empty() {
+        return String::new();
+    }
+    let mut rows = String::new();
+    for (at, level, text) in &story.log {
+        let at = Stamp::from_log_time(*at).seconds_since(imu.origin);
+        let class = if *level >= Level::Warning { "warning" } else { "info" };
+        let _ = write!(
+            rows,
+            "<tr class=\"{class}\"><td class=\"n\">{}</td><td>{}</td></tr>",
+            super::plot::moment(at),
+            escape(text)
+        );
+    }
+    if story.unlogged > 0 {
+        let _ = write!(rows, "<tr><td></td><td>… and {} more</td></tr>", story.unlogged);
+    }
+    format!("<details><summary>Log</summary><div class=\"scroll\"><table class=\"log\">{rows}</table></div></details>")
+}
+
+fn list(class: &str, lines: &[String]) -> String {
+    if lines.is_empty() {
+        return String::new();
+    }
+    let items: String = lines.iter().map(|line| format!("<li>{}</li>", escape(line))).collect();
+    format!("<ul class=\"{class}\">{items}</ul>")
+}
+
+/// A section under its heading; nothing if it is empty.
+fn section(heading: &str, content: &str) -> String {
+    if content.is_empty() { String::new() } else { format!("<section><h3>{heading}</h3>{content}</section>") }
+}
+
+/// Text that a recording cannot break out of.
+pub(super) fn escape(text: &str) -> Cow<'_, str> {
+    if !text.contains(|c: char| "<>&\"'".contains(c) || c.is_control()) {
+        return Cow::Borrowed(text);
+    }
+    let mut escaped = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match c {
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '&' => escaped.push_str("&amp;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            '\n' => escaped.push('\n'),
+            c if c.is_control() => escaped.push(char::REPLACEMENT_CHARACTER),
+            c => escaped.push(c),
+        }
+    }
+    Cow::Owned(escaped)
+}
+
+/// With a capital at its beginning and a stop at its end.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
+}
+
+/// Faces with a sign that no line breaks behind.
+fn minus(text: &str) -> String {
+    text.replace(" -", " \u{2212}")
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 60.0 => format!("{s:.0} s"),
+        s if s < 600.0 => format!("{} min {:.0} s", (s / 60.0).floor(), s % 60.0),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+/// A day of the Gregorian calendar and a time in UTC; nothing for clocks that do not count from 1970.
+/// Days to dates by Hinnant's `civil_from_days`, in years that begin in March.
+fn date(stamp: Stamp) -> String {
+    const YEAR_2000: i64 = 946_684_800;
+    let seconds = stamp.nanos().div_euclid(1_000_000_000);
+    if seconds < YEAR_2000 {
+        return String::new();
+    }
+    let days = seconds / 86_400 + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = era * 400 + year + i64::from(month <= 2);
+    format!("{year}-{month:02}-{day:02} {:02}:{:02} UTC · ", seconds / 3600 % 24, seconds / 60 % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let day = |seconds: i64| date(Stamp::from_nanos(seconds * 1_000_000_000));
+        assert_eq!(day(1_700_000_000), "2023-11-14 22:13 UTC · ");
+        assert_eq!(day(951_782_400), "2000-02-29 00:00 UTC · ");
+        assert_eq!(day(4_107_542_399), "2100-02-28 23:59 UTC · ");
+        assert_eq!(day(4_107_542_400), "2100-03-01 00:00 UTC · ");
+        assert_eq!(day(5), "");
+    }
+
+    #[test]
+    fn a_recording_cannot_break_out_of_its_text() {
+        assert_eq!(
+            escape("/imu<script>\"&'\u{1b}"),
+            "&lt;script&gt;&quot;&amp;&#39;\u{fffd}".replace("&lt;s", "/imu&lt;s")
+        );
+        assert_eq!(sentence("turn it."), "Turn it.");
+    }
+}

@@ -1,0 +1,76 @@
+//! How the calibration settled, refit by refit.
+
+use super::{Imu, section as framed};
+use crate::Stamp;
+use crate::messages::{Calibration, Triad, Vector3};
+use crate::report::nanos;
+use crate::report::plot::{Along, Plot, Scale};
+
+/// Revisions that are drawn; the last one always.
+const DRAWN: usize = 120;
+
+pub(super) fn section(imu: &Imu<'_>) -> String {
+    let accelerometer = |found: &'_ Calibration| found.accelerometer.clone();
+    let gyroscope = |found: &'_ Calibration| found.gyroscope.clone();
+    let drawings = [
+        settling(imu, "Accelerometer bias less its last value, m/s²", accelerometer, |triad| {
+            (triad.bias, triad.bias_std)
+        }),
+        settling(imu, "Accelerometer scale less its last value", accelerometer, |triad| (triad.scale, triad.scale_std)),
+        settling(imu, "Gyroscope bias less its last value, rad/s", gyroscope, |triad| (triad.bias, triad.bias_std)),
+    ];
+    let drawings: String = drawings.into_iter().flatten().collect();
+    if drawings.is_empty() {
+        return String::new();
+    }
+    let text = "<p class=\"dim\">Each refit with its 95 % interval; a refit that grows surer draws nearer to zero.</p>";
+    framed("How it settled", &format!("{text}<div class=\"two\">{drawings}</div>"))
+}
+
+type Estimate = (Option<Vector3>, Option<Vector3>);
+
+/// A parameter of every revision less its last value; nothing if it was published once.
+fn settling(
+    imu: &Imu<'_>,
+    caption: &str,
+    triad: impl Fn(&Calibration) -> Option<Triad>,
+    parameter: impl Fn(Triad) -> Estimate,
+) -> Option<String> {
+    let revisions = &imu.story.revisions;
+    let step = revisions.len().div_ceil(DRAWN).max(1);
+    let point = |found: &Calibration| {
+        let (Some(value), Some(std)) = parameter(triad(found)?) else { return None };
+        let stamp = found.header.as_ref().map(|header| nanos(&header.stamp))?;
+        let at = Stamp::from_nanos(stamp).seconds_since(imu.origin);
+        Some((at, found.revision, xyz(&value), xyz(&std)))
+    };
+    let mut points: Vec<_> = revisions.iter().rev().step_by(step).filter_map(point).collect();
+    points.reverse();
+    let (_, _, last, _) = *points.last().filter(|_| points.len() > 1)?;
+
+    // The first refits may be sure of little; the later half sets the scale.
+    let late = points.iter().skip(points.len() / 2);
+    let reach = late.flat_map(|(_, _, value, std)| (0..3).map(|i| (value[i] - last[i]).abs() + 1.96 * std[i]));
+    let reach = 1.6 * reach.fold(0.0, f64::max);
+    let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.02), Scale::linear(-reach, reach, 0.0));
+    plot.rule(0.0, "zero", "");
+    for axis in 0..3 {
+        let class = format!("a{axis}");
+        // Beside each other, not on top.
+        let aside = (axis as f64 - 1.0) * imu.seconds * 0.006;
+        let line: Vec<_> = points.iter().map(|(at, _, value, _)| (at + aside, value[axis] - last[axis])).collect();
+        plot.line(&line, &format!("thin {class}"));
+        for (at, revision, value, std) in &points {
+            let (x, y, half) = (at + aside, value[axis] - last[axis], 1.96 * std[axis]);
+            let name = ["x", "y", "z"].get(axis).unwrap_or(&"");
+            let title = format!("revision {revision}, {name} {:.5} ± {half:.5}", value[axis]);
+            plot.whisker(x, y - half, y + half, &class, &title);
+            plot.dot(x, y, &format!("small {class}"), &title);
+        }
+    }
+    Some(plot.figure("", caption, Along::Clock))
+}
+
+fn xyz(v: &Vector3) -> [f64; 3] {
+    [v.x, v.y, v.z]
+}

@@ -1,0 +1,108 @@
+//! The rests one by one: what remains of ‖a‖ − g, why some were rejected, and all of them in a table.
+
+use std::fmt::Write as _;
+
+use super::{Imu, Rest, escape, section, signal};
+use crate::report::plot::{Along, Plot, Scale, moment};
+
+/// Rests that are drawn, and listed.
+const DRAWN: usize = 600;
+const LISTED: usize = 200;
+
+/// ‖a‖ − g of each rest, before and after.
+pub(super) fn residuals(imu: &Imu<'_>) -> String {
+    let before = residual(imu, "Before: ‖a‖ − g of the mean reading, m/s²", |rest| rest.raw);
+    let after = residual(imu, "After correction, m/s²", |rest| rest.corrected);
+    if after.is_empty() && before.is_empty() {
+        return String::new();
+    }
+    let legend = "<p class=\"dim\">One dot a rest, in the colour of its face; small grey ones were rejected. At rest, ‖a‖ is g.</p>";
+    section("What remains at rest", &format!("{legend}<div class=\"two\">{before}{after}</div>"))
+}
+
+fn residual(imu: &Imu<'_>, caption: &str, value: fn(&Rest<'_>) -> Option<f64>) -> String {
+    let known = || imu.rests.iter().filter_map(|rest| Some((rest, value(rest)?)));
+    // A rejected rest may be anywhere; what is accepted sets the scale.
+    let scale = known().filter(|(rest, _)| rest.segment.accepted).map(|(_, v)| v.abs()).fold(0.0, f64::max);
+    let scale = if scale > 0.0 { scale } else { known().map(|(_, v)| v.abs()).fold(0.0, f64::max) };
+    if known().next().is_none() {
+        return String::new();
+    }
+    let count = imu.rests.len() as f64;
+    let mut plot = Plot::new(Scale::linear(0.4, count + 0.6, 0.0), Scale::linear(-scale, scale, 0.15));
+    plot.rule(0.0, "zero", "");
+    let step = imu.rests.len().div_ceil(DRAWN).max(1);
+    for (rest, value) in known().step_by(step) {
+        let class = signal::class(rest);
+        let face = if rest.segment.face.is_empty() { "no face" } else { &rest.segment.face };
+        plot.dot(rest.number as f64, value, &class, &format!("rest {} ({face}) {value:+.4} m/s²", rest.number));
+    }
+    let every = (imu.rests.len() / 8).max(1);
+    let names: Vec<_> = (1..=imu.rests.len()).step_by(every).map(|n| (n as f64, n.to_string())).collect();
+    plot.figure("", caption, Along::Names(&names))
+}
+
+/// Why rests were rejected.
+pub(super) fn rejected(imu: &Imu<'_>) -> String {
+    let rejected = || imu.rests.iter().filter(|rest| !rest.segment.accepted);
+    let count = rejected().count();
+    if count == 0 {
+        return String::new();
+    }
+    let mut rows = String::new();
+    for rest in rejected().take(LISTED) {
+        let reason = rest.segment.reason().as_str_name().to_lowercase().replace('_', " ");
+        let _ = write!(
+            rows,
+            "<tr><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{:.1} s</td><td><b>{reason}</b> {}</td></tr>",
+            rest.number,
+            moment(rest.from),
+            rest.until - rest.from,
+            escape(&rest.segment.explanation)
+        );
+    }
+    let more = more(count);
+    let head = "<thead><tr><th class=\"n\">rest</th><th class=\"n\">at</th><th class=\"n\">length</th><th>why, and what to do</th></tr></thead>";
+    section("Rejected rests", &format!("<div class=\"scroll\"><table class=\"wide\">{head}{rows}</table></div>{more}"))
+}
+
+/// All accepted rests, folded away.
+pub(super) fn accepted(imu: &Imu<'_>) -> String {
+    let accepted = || imu.rests.iter().filter(|rest| rest.segment.accepted);
+    let count = accepted().count();
+    if count == 0 {
+        return String::new();
+    }
+    let mut rows = String::new();
+    for rest in accepted().take(LISTED) {
+        let tilt = rest.segment.tilt_deg.map(|tilt| format!("{tilt:.1}°")).unwrap_or_default();
+        let value = |value: Option<f64>, decimals| {
+            value.map(|v| format!("{v:+.decimals$}").replace('-', "−")).unwrap_or_default()
+        };
+        let _ = write!(
+            rows,
+            "<tr><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{:.1} s</td><td>{}</td><td class=\"n\">{tilt}</td>\
+             <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
+            rest.number,
+            moment(rest.from),
+            rest.until - rest.from,
+            escape(&rest.segment.face),
+            rest.segment.placement,
+            value(rest.raw, 3),
+            value(rest.corrected, 4)
+        );
+    }
+    let head = "<thead><tr><th class=\"n\">rest</th><th class=\"n\">at</th><th class=\"n\">length</th><th>face</th><th class=\"n\">tilt</th>\
+                <th class=\"n\">placement</th><th class=\"n\">‖a‖ − g, m/s²</th><th class=\"n\">corrected</th></tr></thead>";
+    let more = more(count);
+    format!(
+        "<details><summary>Accepted rests ({count})</summary><div class=\"scroll\"><table>{head}{rows}</table></div>{more}</details>"
+    )
+}
+
+fn more(count: usize) -> String {
+    match count.saturating_sub(LISTED) {
+        0 => String::new(),
+        further => format!("<p class=\"dim\">… and {further} more.</p>"),
+    }
+}

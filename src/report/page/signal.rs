@@ -1,0 +1,175 @@
+//! What the sensor read over time, and the statistic that rest is judged by.
+
+use std::fmt::Write as _;
+
+use super::{Imu, Rest, escape, section};
+use crate::Stamp;
+use crate::report::Range;
+use crate::report::plot::{Along, Plot, Scale, moment};
+
+/// Bands that are drawn; neighbours of one kind that touch on the screen are one.
+const BANDS: usize = 2000;
+
+/// The acceleration with the rests behind it. Without readings, the means of the rests.
+pub(super) fn acceleration(imu: &Imu<'_>) -> String {
+    let outline = &imu.story.acceleration;
+    let means = imu.rests.iter().filter_map(|rest| Some((rest, mean(rest)?)));
+    let values = means.clone().flat_map(|(_, mean)| mean);
+    let range = outline.range().or_else(|| {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        (low <= high).then_some(Range { low, high })
+    });
+    let Some(range) = range else { return String::new() };
+    let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.0), Scale::linear(range.low, range.high, 0.06));
+    bands(imu, &mut plot);
+    for axis in 0..3 {
+        for run in outline.runs() {
+            let at = |stamp: Stamp| stamp.seconds_since(imu.origin);
+            let points: Vec<_> =
+                run.iter().map(|(stamp, ranges)| (at(*stamp), ranges[axis].low, ranges[axis].high)).collect();
+            plot.area(&points, &format!("a{axis}"));
+        }
+    }
+    if outline.span().is_none() {
+        for (rest, mean) in means {
+            (0..3).for_each(|axis| {
+                plot.line(&[(rest.from, mean[axis]), (rest.until, mean[axis])], &format!("thick a{axis}"))
+            });
+        }
+    }
+    let mut legend = String::new();
+    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+        let _ = write!(legend, "<span class=\"key a{axis}\">{name}</span>");
+    }
+    let missing = match outline.span() {
+        Some(_) => "",
+        None => "<p class=\"dim\">A sidecar holds no readings: drawn are the means of the rests.</p>",
+    };
+    let shades = "<span class=\"key shade\">rest on a face</span><span class=\"key rejected\">rejected rest</span>";
+    let figure = plot.figure("tall", "Acceleration as recorded, m/s²", Along::Clock);
+    section("What the sensor read", &format!("<p class=\"legend\">{legend}{shades}</p>{figure}{missing}"))
+}
+
+/// The rests as bands, each with the name of its face if there is room.
+fn bands(imu: &Imu<'_>, plot: &mut Plot) {
+    let mut drawn = Vec::<(f64, f64, String, &Rest<'_>, usize)>::new();
+    for rest in &imu.rests {
+        let class = class(rest);
+        match drawn.last_mut() {
+            Some((_, until, last, _, count)) if *last == class && plot.extent(*until, rest.from).1 < 5e-4 => {
+                *until = rest.until;
+                *count += 1;
+            }
+            _ => drawn.push((rest.from, rest.until, class, rest, 1)),
+        }
+    }
+    let step = drawn.len().div_ceil(BANDS).max(1);
+    let mut free_from = 0.0;
+    for (from, until, class, rest, count) in drawn.iter().step_by(step) {
+        plot.band(*from, *until, &format!("band {class}"), &title(rest, *count));
+        let (left, width) = plot.extent(*from, *until);
+        let middle = left + width / 2.0;
+        let name = &rest.segment.face;
+        // About the width of two letters on a phone.
+        if rest.segment.accepted && !name.is_empty() && middle > free_from {
+            plot.tag(middle, class, name);
+            free_from = middle + 0.025 * (1 + name.chars().count()) as f64;
+        }
+    }
+}
+
+fn title(rest: &Rest<'_>, count: usize) -> String {
+    let span = format!("{} to {} ({:.1} s)", moment(rest.from), moment(rest.until), rest.until - rest.from);
+    let what = match (rest.segment.accepted, count) {
+        (true, 1) => format!("rest {} on {}", rest.number, rest.segment.face),
+        (false, 1) => format!("rest {} rejected: {}", rest.number, rest.segment.explanation),
+        _ => format!("{count} rests from {} on", rest.number),
+    };
+    format!("{what}, {span}")
+}
+
+/// The colour of a rest.
+pub(super) fn class(rest: &Rest<'_>) -> String {
+    match rest.face.filter(|_| rest.segment.accepted) {
+        Some(face) => format!("f{}", face % 12),
+        None if rest.segment.accepted => "f".to_owned(),
+        None => "rejected".to_owned(),
+    }
+}
+
+fn mean(rest: &Rest<'_>) -> Option<[f64; 3]> {
+    let mean = rest.segment.means.iter().find(|mean| mean.sensor == "accelerometer")?.mean.as_ref()?;
+    Some([mean.x, mean.y, mean.z])
+}
+
+/// The statistic with its thresholds, and the noise that was seen at rest.
+pub(super) fn statistic(imu: &Imu<'_>) -> String {
+    let noise = noise(imu);
+    let outline = &imu.story.statistic;
+    let (Some(range), Some([enter, leave])) = (outline.range(), imu.story.thresholds) else {
+        return section("Noise at rest", &noise);
+    };
+    let mut plot = Plot::new(
+        Scale::linear(0.0, imu.seconds, 0.0),
+        Scale::decades(range.low.clamp(0.1, enter), range.high.clamp(leave * 2.0, 1e4)),
+    );
+    bands_plain(imu, &mut plot);
+    for run in outline.runs() {
+        let at = |stamp: Stamp| stamp.seconds_since(imu.origin);
+        let points: Vec<_> = run.iter().map(|(stamp, [range])| (at(*stamp), range.low, range.high)).collect();
+        plot.area(&points, "statistic");
+        plot.line(&points.iter().map(|&(x, _, high)| (x, high)).collect::<Vec<_>>(), "statistic");
+    }
+    plot.rule(leave, "leave", "moving above");
+    plot.rule(enter, "enter", "still below");
+    let figure = plot.figure("", "Deviation over the learned noise floor", Along::Clock);
+    let unsettled = match imu.story.was_judged {
+        true => "",
+        false => "<p class=\"dim\">No credible noise floor was learned: the sensor was never seen still.</p>",
+    };
+    section("How rest was told from motion", &format!("{figure}{unsettled}{noise}"))
+}
+
+fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
+    let step = imu.rests.len().div_ceil(BANDS).max(1);
+    imu.rests.iter().step_by(step).for_each(|rest| plot.band(rest.from, rest.until, "band plain", &title(rest, 1)));
+}
+
+/// Median standard deviation of one sample during the rests, sensor by sensor.
+fn noise(imu: &Imu<'_>) -> String {
+    let mut sensors = Vec::<&str>::new();
+    for mean in imu.rests.iter().flat_map(|rest| &rest.segment.means) {
+        if !sensors.contains(&mean.sensor.as_str()) {
+            sensors.push(&mean.sensor);
+        }
+    }
+    let mut rows = String::new();
+    for sensor in sensors {
+        let means = || imu.rests.iter().flat_map(|rest| &rest.segment.means).filter(|mean| mean.sensor == sensor);
+        let median = |axis: fn(&crate::messages::Vector3) -> f64| {
+            let mut values: Vec<_> = means().filter_map(|mean| mean.std.as_ref().map(axis)).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+        };
+        let (effective, samples) =
+            means().fold((0.0, 0), |(e, n), mean| (e + mean.effective_samples, n + mean.samples));
+        let unit = if sensor == "gyroscope" { "rad/s" } else { "m/s²" };
+        let cells =
+            [median(|v| v.x), median(|v| v.y), median(|v| v.z)].map(|std| format!("<td class=\"n\">{std:.5}</td>"));
+        let _ = write!(
+            rows,
+            "<tr><th>{} <small>{unit}</small></th>{}<td class=\"n\">{:.0} %</td></tr>",
+            escape(sensor),
+            cells.concat(),
+            100.0 * effective / samples.max(1) as f64
+        );
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"scroll\"><table><caption>Noise of one sample at rest: median standard deviation over the rests</caption>\
+         <thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th>\
+         <th class=\"n\" title=\"how many uncorrelated samples say as much\">uncorrelated</th></tr></thead>{rows}</table></div>"
+    )
+}

@@ -1,0 +1,236 @@
+//! Plots as static SVG that stretches with the page, and labels as text that does not. What they show is left to
+//! [`page`](super::page).
+//!
+//! A drawing is 1000 by 1000 units whatever its size on the screen. Lines keep their width, dots are lines without length.
+
+use std::fmt::Write as _;
+
+use super::page::escape;
+
+/// A drawing of values over values.
+pub(super) struct Plot {
+    x: Scale,
+    y: Scale,
+    svg: String,
+    labels: String,
+}
+
+/// From values to places.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale {
+    low: f64,
+    high: f64,
+    log: bool,
+}
+
+impl Scale {
+    /// From the lowest to the highest, with a margin of this part of the range on either side.
+    pub(super) fn linear(low: f64, high: f64, margin: f64) -> Self {
+        let (low, high) = if low < high { (low, high) } else { (low - 0.5, low + 0.5) };
+        let margin = (high - low) * margin;
+        Self { low: low - margin, high: high + margin, log: false }
+    }
+
+    /// Decades around two positive values.
+    pub(super) fn decades(low: f64, high: f64) -> Self {
+        let (low, high) = (low.max(1e-12), high.max(1e-11));
+        Self { low: low.log10().floor(), high: high.log10().ceil().max(low.log10().floor() + 1.0), log: true }
+    }
+
+    /// 0 to 1 from the lowest to the highest, cut off beyond.
+    fn place(self, value: f64) -> f64 {
+        let value = if self.log { value.max(1e-12).log10() } else { value };
+        ((value - self.low) / (self.high - self.low)).clamp(-0.01, 1.01)
+    }
+
+    /// Round values inside, and their names.
+    fn ticks(self) -> Vec<(f64, String)> {
+        if self.log {
+            let decades = (self.low as i32)..=(self.high as i32);
+            return decades.map(|n| (10_f64.powi(n), number(10_f64.powi(n), 10_f64.powi(n)))).collect();
+        }
+        let step = round_step(self.high - self.low, 5.0);
+        let first = (self.low / step).ceil() as i64;
+        let last = (self.high / step).floor() as i64;
+        (first..=last).take(20).map(|i| (i as f64 * step, number(i as f64 * step, step))).collect()
+    }
+
+    /// Moments on a clock of seconds inside, and their names.
+    fn clock(self) -> Vec<(f64, String)> {
+        const STEPS: [f64; 14] =
+            [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0, 7200.0, 14400.0];
+        let range = self.high - self.low;
+        if range < 4.0 {
+            return self.ticks().into_iter().map(|(value, name)| (value, format!("{name} s"))).collect();
+        }
+        let days = 86_400.0 * (range / 86_400.0 / 5.0).ceil();
+        let step = STEPS.into_iter().find(|step| range / step <= 6.0).unwrap_or(days);
+        let (first, last) = ((self.low / step).ceil() as i64, (self.high / step).floor() as i64);
+        (first..=last).take(20).map(|i| (i as f64 * step, moment(i as f64 * step))).collect()
+    }
+}
+
+/// A round number near the range over this many.
+fn round_step(range: f64, parts: f64) -> f64 {
+    let raw = range / parts;
+    let power = 10_f64.powf(raw.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= raw).unwrap_or(raw)
+}
+
+/// With the decimals that its step needs, and a real minus.
+fn number(value: f64, step: f64) -> String {
+    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.decimals$}").replace('-', "−")
+}
+
+/// Seconds as a clock shows them.
+pub(super) fn moment(seconds: f64) -> String {
+    let whole = seconds.round().max(0.0) as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, minutes, seconds) => format!("{minutes}:{seconds:02}"),
+        (hours, minutes, 0) => format!("{hours} h {minutes:02}"),
+        (hours, minutes, seconds) => format!("{hours}:{minutes:02}:{seconds:02}"),
+    }
+}
+
+impl Plot {
+    pub(super) fn new(x: Scale, y: Scale) -> Self {
+        Self { x, y, svg: String::new(), labels: String::new() }
+    }
+
+    fn px(&self, x: f64) -> f64 {
+        (self.x.place(x) * 10_000.0).round() / 10.0
+    }
+
+    fn py(&self, y: f64) -> f64 {
+        ((1.0 - self.y.place(y)) * 10_000.0).round() / 10.0
+    }
+
+    /// A span of x over the whole height.
+    pub(super) fn band(&mut self, from: f64, until: f64, class: &str, title: &str) {
+        let (left, right) = (self.px(from), self.px(until));
+        let width = ((right - left).max(1.0) * 10.0).round() / 10.0;
+        let title = escape(title);
+        let _ = write!(
+            self.svg,
+            r#"<rect class="{class}" x="{left}" y="0" width="{width}" height="1000"><title>{title}</title></rect>"#
+        );
+    }
+
+    /// Where a band would begin and how wide it would be, in parts of the width.
+    pub(super) fn extent(&self, from: f64, until: f64) -> (f64, f64) {
+        (self.px(from) / 1000.0, (self.px(until) - self.px(from)) / 1000.0)
+    }
+
+    /// Between two lines of the same x.
+    pub(super) fn area(&mut self, points: &[(f64, f64, f64)], class: &str) {
+        let (Some(first), true) = (points.first(), points.len() > 1) else {
+            points.iter().for_each(|&(x, low, high)| self.whisker(x, low, high, class, ""));
+            return;
+        };
+        let mut path = format!("M{} {}", self.px(first.0), self.py(first.2));
+        for &(x, _, high) in points.iter().skip(1) {
+            let _ = write!(path, "L{} {}", self.px(x), self.py(high));
+        }
+        for &(x, low, _) in points.iter().rev() {
+            let _ = write!(path, "L{} {}", self.px(x), self.py(low));
+        }
+        let _ = write!(self.svg, r#"<path class="area {class}" d="{path}Z"/>"#);
+    }
+
+    pub(super) fn line(&mut self, points: &[(f64, f64)], class: &str) {
+        let mut path = String::new();
+        for (i, &(x, y)) in points.iter().enumerate() {
+            let _ = write!(path, "{}{} {}", if i == 0 { 'M' } else { 'L' }, self.px(x), self.py(y));
+        }
+        let _ = write!(self.svg, r#"<path class="line {class}" d="{path}"/>"#);
+    }
+
+    /// A horizontal line with its name at the right.
+    pub(super) fn rule(&mut self, y: f64, class: &str, name: &str) {
+        let y = self.py(y);
+        let _ = write!(self.svg, r#"<path class="rule {class}" d="M0 {y}H1000"/>"#);
+        if !name.is_empty() {
+            let (top, name) = (y / 10.0, escape(name));
+            let _ = write!(self.labels, r#"<span class="rule-name {class}" style="top:{top}%">{name}</span>"#);
+        }
+    }
+
+    pub(super) fn dot(&mut self, x: f64, y: f64, class: &str, title: &str) {
+        let (x, y, title) = (self.px(x), self.py(y), escape(title));
+        let _ = write!(self.svg, r#"<path class="dot {class}" d="M{x} {y}h0"><title>{title}</title></path>"#);
+    }
+
+    pub(super) fn whisker(&mut self, x: f64, low: f64, high: f64, class: &str, title: &str) {
+        let (x, low, high, title) = (self.px(x), self.py(low), self.py(high), escape(title));
+        let _ =
+            write!(self.svg, r#"<path class="whisker {class}" d="M{x} {low}V{high}"><title>{title}</title></path>"#);
+    }
+
+    /// Text at the top, centred on a part of the width.
+    pub(super) fn tag(&mut self, at: f64, class: &str, text: &str) {
+        let _ =
+            write!(self.labels, r#"<span class="tag {class}" style="left:{:.2}%">{}</span>"#, at * 100.0, escape(text));
+    }
+
+    /// The figure: y along round values, x along a clock or along `names`.
+    pub(super) fn figure(self, size: &str, caption: &str, x: Along<'_>) -> String {
+        let mut grid = String::new();
+        let mut ys = String::new();
+        for (value, name) in self.y.ticks() {
+            let top = self.py(value);
+            if (0.0..=1000.0).contains(&top) {
+                let _ = write!(grid, r#"<path class="grid" d="M0 {top}H1000"/>"#);
+                let _ = write!(ys, r#"<span style="top:{}%">{name}</span>"#, top / 10.0);
+            }
+        }
+        let mut xs = String::new();
+        let ticks = match x {
+            Along::Clock => self.x.clock(),
+            Along::Names(names) => names.to_vec(),
+        };
+        for (value, name) in ticks {
+            let left = self.px(value);
+            if (0.0..=1000.0).contains(&left) {
+                let _ = write!(grid, r#"<path class="grid" d="M{left} 0V1000"/>"#);
+                let _ = write!(xs, r#"<span style="left:{}%">{}</span>"#, left / 10.0, escape(&name));
+            }
+        }
+        let Self { svg, labels, .. } = self;
+        let label = escape(caption);
+        format!(
+            r#"<figure class="plot {size}"><figcaption>{label}</figcaption><div class="ys">{ys}</div><div class="canvas"><svg viewBox="0 0 1000 1000" preserveAspectRatio="none" role="img" aria-label="{label}">{grid}{svg}</svg>{labels}</div><div class="xs">{xs}</div></figure>"#
+        )
+    }
+}
+
+/// What the x axis is labelled with.
+pub(super) enum Along<'a> {
+    /// Seconds as minutes and hours.
+    Clock,
+    /// Values and their names.
+    Names(&'a [(f64, String)]),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_few() {
+        let names = |scale: Scale| scale.ticks().into_iter().map(|(_, name)| name).collect::<Vec<_>>();
+        assert_eq!(names(Scale::linear(-11.0, 12.0, 0.0)), ["−10", "−5", "0", "5", "10"]);
+        assert_eq!(names(Scale::linear(0.0, 0.05, 0.0)), ["0.00", "0.01", "0.02", "0.03", "0.04", "0.05"]);
+        assert_eq!(names(Scale::decades(0.5, 300.0)), ["0.1", "1", "10", "100", "1000"]);
+        for range in [1e-9, 0.003, 7.0, 86_400.0, 3e7] {
+            for ticks in [Scale::linear(0.0, range, 0.02).ticks(), Scale::linear(0.0, range, 0.0).clock()] {
+                assert!((2..=8).contains(&ticks.len()), "{range}: {ticks:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn moments_read_as_on_a_clock() {
+        assert_eq!([5.0, 65.0, 3600.0, 5405.0].map(moment), ["0:05", "1:05", "1 h 00", "1:30:05"]);
+    }
+}

@@ -1,0 +1,75 @@
+//! What happened to one IMU during a recording, in memory that does not grow with its samples: what a report is made of.
+
+use super::{Envelope, Findings};
+use crate::Stamp;
+use crate::engine::{Event, Message};
+use crate::imu::{Sample, Sensor};
+use crate::messages::foxglove::log::Level;
+use crate::messages::stillness::State;
+use crate::messages::{Calibration, Stillness};
+
+/// Logged lines that are kept.
+const LINES: usize = 200;
+
+/// One IMU's story.
+#[derive(Clone, Debug, Default)]
+pub struct Story {
+    /// The last word on everything.
+    pub findings: Findings,
+    /// Readings of the accelerometer, m/s²; empty beside a sidecar.
+    pub acceleration: Envelope<3>,
+    /// The statistic that rest is judged by.
+    pub statistic: Envelope<1>,
+    /// Thresholds that it is held against: enter, leave.
+    pub thresholds: Option<[f64; 2]>,
+    /// Whether the IMU was ever believed to rest or to move.
+    pub was_judged: bool,
+    /// Every published calibration, in order.
+    pub revisions: Vec<Calibration>,
+    /// Warnings and decisions: when, how grave, what.
+    pub log: Vec<(u64, Level, String)>,
+    /// Further ones.
+    pub unlogged: u64,
+}
+
+impl Story {
+    /// Of an IMU that nothing is known of.
+    pub fn new(findings: Findings) -> Self {
+        Self { findings, ..Self::default() }
+    }
+
+    /// Takes an event in.
+    pub fn note(&mut self, event: &Event) {
+        match &event.message {
+            Message::Stillness(stillness) => self.stillness(stillness),
+            Message::Calibration(calibration) => self.revisions.push((**calibration).clone()),
+            Message::Log(log) if self.log.len() < LINES => {
+                self.log.push((event.log_time, log.level(), log.message.clone()));
+            }
+            Message::Log(_) => self.unlogged += 1,
+            _ => {}
+        }
+        self.findings.note(event);
+    }
+
+    /// Takes a sample in.
+    pub fn sample(&mut self, sensor: Sensor, sample: &Sample) {
+        if sensor == Sensor::Accelerometer {
+            self.acceleration.push(sample.stamp, sample.value.into());
+        }
+    }
+
+    /// From the first to the last thing that is known.
+    pub fn span(&self) -> Option<(Stamp, Stamp)> {
+        let spans = [self.acceleration.span(), self.statistic.span()];
+        let known = spans.into_iter().flatten();
+        known.reduce(|(from, until), (a, b)| (from.min(a), until.max(b)))
+    }
+
+    fn stillness(&mut self, stillness: &Stillness) {
+        self.was_judged |= stillness.state() != State::Unknown;
+        self.thresholds = Some([stillness.enter, stillness.leave]);
+        let header = stillness.header.clone().unwrap_or_default();
+        self.statistic.push(Stamp::from_nanos(super::nanos(&header.stamp)), [stillness.statistic]);
+    }
+}
