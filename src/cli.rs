@@ -102,6 +102,9 @@ pub struct Annotate {
     /// Exit with 0 when the input was damaged
     #[arg(long)]
     pub accept_damage: bool,
+    /// Also read, and check, the chunks in which no IMU has messages
+    #[arg(long)]
+    pub verify: bool,
     /// Wait until the output is on the device
     #[arg(long)]
     pub sync: bool,

@@ -3,6 +3,7 @@
 
 mod annotations;
 mod chunk;
+mod chunks;
 mod emitter;
 mod error;
 mod fold;
@@ -15,15 +16,19 @@ mod shape;
 mod sidecar;
 mod summary;
 mod survey;
+mod walk;
 mod wire;
 
 pub use annotations::{Annotation, Block, Topic};
+pub use chunk::{Opened, Opener};
+pub use chunks::{Chunk, Chunks};
 pub use error::Error;
 pub use fold::{Fold, Piece, Tail};
 pub use inventory::Inventory;
-pub use own::{Kind, Original, ReadAt, recognise, recognise_scanned};
-pub use scan::{Damage, Event, Scan};
+pub use own::{Kind, Original, recognise, recognise_scanned};
+pub use scan::{Damage, Event, Scan, Supply};
 pub use sidecar::Sidecar;
+pub use walk::ReadAt;
 
 use std::collections::BTreeMap;
 

@@ -2,6 +2,7 @@
 //!
 //! What the bytes mean is left to the layers beneath, which know none of these.
 
+mod ahead;
 mod batch;
 mod channels;
 mod in_place;
@@ -21,7 +22,7 @@ pub use in_place::Access;
 pub use output::Written;
 pub use partial::Partial;
 pub use read_back::findings;
-pub use recording::{Recording, Watch};
+pub use recording::{Listener, Recording, Watch};
 pub use stop::Stop;
 pub use story::{Stories, stories};
 pub use strip::strip;

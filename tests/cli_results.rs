@@ -217,3 +217,65 @@ fn work_that_is_stopped_leaves_nothing_behind() {
         assert_eq!(folder.names(), ["demo.mcap"]);
     }
 }
+
+#[test]
+fn chunks_without_an_imu_are_copied_unread_unless_they_are_to_be_verified() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    // The same messages, and in between chunks of nothing but pictures.
+    let mut out = std::io::Cursor::new(Vec::new());
+    let options = mcap::WriteOptions::new().profile("ros2").compression(None).chunk_size(None);
+    let mut writer = options.create(&mut out).unwrap();
+    let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"uint8[] data").unwrap();
+    let camera = writer.add_channel(schema, "/camera", "cdr", &Default::default()).unwrap();
+    let mut channels = std::collections::BTreeMap::new();
+    for (n, message) in mcap::MessageStream::new(&demo).unwrap().enumerate() {
+        let message = message.unwrap();
+        let channel = *channels.entry(message.channel.id).or_insert_with(|| {
+            let mcap::Channel { topic, schema, message_encoding, metadata, .. } = &*message.channel;
+            let schema = schema.as_ref().unwrap();
+            let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();
+            writer.add_channel(schema, topic, message_encoding, metadata).unwrap()
+        });
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: message.sequence,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        writer.write_to_known_channel(&header, &message.data).unwrap();
+        if n % 1000 == 999 {
+            let header = mcap::records::MessageHeader {
+                channel_id: camera,
+                sequence: 0,
+                log_time: message.log_time,
+                publish_time: message.log_time,
+            };
+            // The first stands in a chunk with readings, which therefore defines the channel.
+            if n > 1000 {
+                writer.flush().unwrap();
+            }
+            writer.write_to_known_channel(&header, &[0xA5; 5000]).unwrap();
+            writer.flush().unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let mut file = out.into_inner();
+    folder.write("x.mcap", &file);
+    for verify in ["", "--verify"] {
+        folder.say(&format!("annotate x.mcap -o whole{verify}.mcap {verify}")).ok();
+    }
+    assert!(folder.read("whole.mcap") == folder.read("whole--verify.mcap"), "reading more must not say more");
+
+    // A wrong byte in the last picture is nobody's business, until it is asked for.
+    let place = file.windows(100).rposition(|bytes| bytes == [0xA5; 100]).unwrap();
+    file[place] = 0;
+    folder.write("x.mcap", &file);
+    folder.say("annotate x.mcap -o copied.mcap").ok();
+    folder.say("strip copied.mcap -o back.mcap").ok();
+    assert!(folder.read("back.mcap") == file);
+    let run = folder.say("annotate x.mcap -o verified.mcap --verify");
+    assert_eq!(run.code, 3);
+    assert!(run.stderr.contains("a chunk whose CRC does not hold"), "{}", run.stderr);
+}

@@ -93,7 +93,8 @@ fn one(
         (_, true) => Form::Sidecar,
         _ => Form::Annotated,
     };
-    let options = Options { form, force: args.force, allow_no_imu: args.allow_no_imu, sync: args.sync };
+    let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
+    let options = Options { form, force, allow_no_imu, verify, sync };
     run::annotate(&recording, output, config, options, &|done| progress.watch(done))
 }
 

@@ -2,10 +2,13 @@
 //! What they say is left to [`Inventory`](super::Inventory).
 
 use std::io::Read;
+use std::ops::Range;
 
 use zstd::stream::raw::{Decoder, InBuffer, Operation, OutBuffer};
 
-use super::records::ChunkHeader;
+use super::records::{ChunkHeader, ChunkIndex};
+use super::survey::Survey;
+use super::wire::Fields;
 
 /// Largest record that is held in memory, and largest chunk once decompressed, in bytes. More than any recorder
 /// writes, and little enough that a corrupt length does not exhaust a machine.
@@ -14,6 +17,100 @@ pub(super) const LIMIT: u64 = 1 << 30;
 /// Whether chunks of this compression can be opened.
 pub(super) fn knows(compression: &str) -> bool {
     matches!(compression, "" | "zstd" | "lz4")
+}
+
+/// Opens chunks apart from a scan that [offers](super::Scan::offering_chunks) them, on another thread for instance.
+#[derive(Default)]
+pub struct Opener {
+    inflate: Inflate,
+}
+
+impl Opener {
+    /// Decompresses and checks the chunk whose bytes have been put into its [room](Opened::room).
+    pub fn open(&mut self, chunk: &mut Opened) {
+        std::mem::swap(&mut self.inflate.out, &mut chunk.out);
+        chunk.content = Some(locate(&chunk.body, chunk.body.len() as u64).and_then(|(header, data)| {
+            let bytes = chunk.body.get(data.clone()).unwrap_or_default();
+            Content::of(&header, data, bytes, &mut self.inflate).map(Box::new)
+        }));
+        std::mem::swap(&mut self.inflate.out, &mut chunk.out);
+    }
+}
+
+/// A chunk that was opened apart from the scan. Its memory can be used for another one.
+#[derive(Debug, Default)]
+pub struct Opened {
+    /// Of the chunk record.
+    body: Vec<u8>,
+    out: Vec<u8>,
+    pub(super) content: Option<Result<Box<Content>, String>>,
+}
+
+impl Opened {
+    /// Room for the body of a chunk record.
+    pub fn room(&mut self, length: usize) -> &mut [u8] {
+        self.content = None;
+        self.body.resize(length, 0);
+        &mut self.body
+    }
+
+    /// How much memory it takes, in bytes.
+    pub fn size(&self) -> usize {
+        self.body.capacity() + self.out.capacity()
+    }
+
+    /// Length of the body in its room.
+    pub(super) fn length(&self) -> u64 {
+        self.body.len() as u64
+    }
+
+    /// The records at a place of the content.
+    pub(super) fn records(&self, place: Place, data: &Range<usize>) -> &[u8] {
+        match place {
+            Place::Plain => self.body.get(data.clone()).unwrap_or_default(),
+            Place::Inflated => &self.out,
+        }
+    }
+}
+
+/// What is in a chunk.
+#[derive(Debug)]
+pub(super) struct Content {
+    /// Of the compressed records, in the body.
+    pub(super) data: Range<usize>,
+    pub(super) place: Place,
+    /// As far as the chunk itself tells, which does not know where it is.
+    pub(super) index: ChunkIndex,
+    pub(super) survey: Survey,
+}
+
+impl Content {
+    /// Opens a chunk whose compressed records, at `data` in its body, are `bytes`.
+    pub(super) fn of(
+        header: &ChunkHeader<'_>,
+        data: Range<usize>,
+        bytes: &[u8],
+        inflate: &mut Inflate,
+    ) -> Result<Self, String> {
+        let place = inflate.open(header, bytes)?;
+        let survey = Survey::of(inflate.records(place, bytes))?;
+        let mut index = header.index();
+        (index.start_time, index.end_time) = survey.span.unwrap_or((header.start_time, header.end_time));
+        Ok(Self { data, place, index, survey })
+    }
+}
+
+/// Where in a chunk record's body, which has this length and begins like this, the compressed records are.
+pub(super) fn locate(body: &[u8], length: u64) -> Result<(ChunkHeader<'_>, Range<usize>), String> {
+    let mut fields = Fields(body);
+    let header = ChunkHeader::parse(&mut fields).ok_or("a malformed chunk record")?;
+    let start = body.len() - fields.0.len();
+    let room = length - start as u64;
+    let size = header.compressed_size;
+    match size <= room.min(LIMIT) {
+        true => Ok((header, start..start + size as usize)),
+        false => Err(format!("a chunk that claims {size} bytes but has {room}")),
+    }
 }
 
 /// Decompresses chunks, one after the other, into one buffer.
@@ -79,7 +176,8 @@ impl Inflate {
 
     fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
         let (mut rest, mut filled) = (data, 0);
-        self.out.clear();
+        // What is there of the chunk before is written over, which is faster than to clear it.
+        self.out.truncate(size);
         while filled < size && !rest.is_empty() {
             let mut frame = lz4::Decoder::new(&mut rest).map_err(corrupt)?;
             while filled < size {

@@ -133,6 +133,14 @@ impl Inventory {
         }
     }
 
+    /// Notes the messages that the index of an unread chunk names.
+    pub(super) fn count_unread(&mut self, channel: u16, count: u64, span: Option<(u64, u64)>) {
+        if let Some(span) = span {
+            self.summary.count(channel, count);
+            self.summary.cover(span);
+        }
+    }
+
     /// Whether messages stand in chunks, as far as has been seen.
     pub(super) fn has_chunks(&self) -> bool {
         self.summary.chunks > 0

@@ -2,14 +2,13 @@
 //! Having the bytes at hand is left to the shell, which lends them as [`ReadAt`].
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
 use std::ops::Range;
 
 use mcap::MAGIC;
 
 use super::fold::{LIBRARY, METADATA, PREFIX, TAIL};
-use super::horizon::{Extent, Frame, Horizon, Stop};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
+use super::walk::{ReadAt, Walk};
 use super::wire::{FRAME, Fields, op};
 use super::{Channel, Error, Inventory};
 
@@ -21,24 +20,6 @@ const BLOCK: u64 = 1 << 16;
 const CLOSING: u64 = FRAME as u64 + 20 + 8;
 /// Of a DataEnd record.
 const DATA_END: u64 = FRAME as u64 + 4;
-
-/// Something whose bytes can be read anywhere.
-pub trait ReadAt {
-    /// Fills `buffer` from byte `offset` on.
-    ///
-    /// # Errors
-    /// If the bytes are not there or cannot be read.
-    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()>;
-}
-
-impl ReadAt for &[u8] {
-    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
-        let start = usize::try_from(offset).unwrap_or(usize::MAX);
-        let bytes = self.get(start..).and_then(|rest| rest.get(..buffer.len()));
-        buffer.copy_from_slice(bytes.ok_or(io::ErrorKind::UnexpectedEof)?);
-        Ok(())
-    }
-}
 
 /// Who wrote a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -134,7 +115,7 @@ impl Traces {
         let Some(start) = start else { return Ok(None) };
 
         let mut traces = Self { data_end: start - DATA_END, ..Self::default() };
-        let mut walk = Walk::new(start..footer);
+        let mut walk = Walk::new(start..footer, BLOCK);
         while let Some(frame) = walk.next(file)? {
             if frame.length <= LIMIT {
                 let body = walk.body(file, frame, LIMIT)?;
@@ -222,7 +203,7 @@ impl Traces {
     /// Whether a fold can have written these records.
     fn are_ours(&self, file: &mut impl ReadAt, range: Range<u64>) -> Result<bool, Error> {
         let end = range.end;
-        let mut walk = Walk::new(range);
+        let mut walk = Walk::new(range, BLOCK);
         while let Some(frame) = walk.next(file)? {
             let ours = match frame.opcode {
                 op::SCHEMA | op::CHANNEL | op::CHUNK | op::MESSAGE_INDEX => true,
@@ -268,64 +249,4 @@ fn read(file: &mut impl ReadAt, range: Range<u64>) -> Result<Vec<u8>, Error> {
     let mut bytes = vec![0; (range.end - range.start) as usize];
     file.read_at(range.start, &mut bytes).map_err(|cause| Error::Read { offset: range.start, cause })?;
     Ok(bytes)
-}
-
-/// A walk over the records of a part of a file.
-struct Walk {
-    horizon: Horizon,
-    /// Length of the record that was given last.
-    passed: u64,
-    end: u64,
-}
-
-impl Walk {
-    fn new(range: Range<u64>) -> Self {
-        let mut horizon = Horizon::default();
-        horizon.set_extent(Extent { length: range.end, finished: true });
-        horizon.skip(range.start);
-        Self { horizon, passed: 0, end: range.end }
-    }
-
-    /// The next record, if a whole one follows.
-    fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Frame>, Error> {
-        self.horizon.skip(self.passed);
-        self.passed = 0;
-        loop {
-            match self.horizon.frame() {
-                Ok(frame) => {
-                    self.passed = frame.end() - frame.offset;
-                    return Ok(Some(frame));
-                }
-                Err(stop) => {
-                    if !self.fill(file, stop)? {
-                        return Ok(None);
-                    }
-                }
-            }
-        }
-    }
-
-    /// The first `most` bytes of the record that was given last.
-    fn body(&mut self, file: &mut impl ReadAt, frame: Frame, most: u64) -> Result<&[u8], Error> {
-        while let Err(stop) = self.horizon.body(frame, most) {
-            if !self.fill(file, stop)? {
-                return Ok(&[]);
-            }
-        }
-        Ok(self.horizon.body(frame, most).unwrap_or_default())
-    }
-
-    /// Behind the records given.
-    fn offset(&self) -> u64 {
-        self.horizon.offset() + self.passed
-    }
-
-    fn fill(&mut self, file: &mut impl ReadAt, stop: Stop) -> Result<bool, Error> {
-        let Stop::Read { offset, length } = stop else { return Ok(false) };
-        let length = (length as u64).max(BLOCK).min(self.end - offset) as usize;
-        let cause = |cause| Error::Read { offset, cause };
-        file.read_at(offset, self.horizon.insert(length)).map_err(cause)?;
-        self.horizon.notify_read(length);
-        Ok(true)
-    }
 }

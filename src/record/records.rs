@@ -116,6 +116,21 @@ impl<'a> ChunkHeader<'a> {
         })
     }
 
+    /// The index of a chunk, as far as its header tells.
+    pub(super) fn index(&self) -> ChunkIndex {
+        ChunkIndex {
+            start_time: self.start_time,
+            end_time: self.end_time,
+            offset: 0,
+            length: 0,
+            message_indexes: BTreeMap::new(),
+            message_indexes_length: 0,
+            compression: self.compression.to_owned(),
+            compressed_size: self.compressed_size,
+            uncompressed_size: self.uncompressed_size,
+        }
+    }
+
     pub(super) fn put(&self, out: &mut Vec<u8>) {
         out.put_u64(self.start_time);
         out.put_u64(self.end_time);

@@ -18,7 +18,7 @@ use self::data_section::{Attaching, OpenChunk, Telling};
 use self::guide::{Asking, Guide};
 use self::search::Search;
 use self::summary_section::SummarySection;
-use super::chunk::Inflate;
+use super::chunk::{Inflate, Opened};
 use super::horizon::{Extent, Frame, Horizon, Stop};
 use super::shape::Measure;
 use super::wire::{FRAME, op};
@@ -73,6 +73,21 @@ pub struct Scan {
     guide: Option<Guide>,
     /// What the summary section says, until its CRC is known.
     summary: SummarySection,
+    /// Whether chunks are offered, what became of the last offer, and a chunk that is not needed any more.
+    offering: bool,
+    supply: Option<Supply>,
+    spent: Option<Opened>,
+}
+
+/// What becomes of a chunk that a scan [offers](Scan::offering_chunks).
+#[derive(Debug)]
+pub enum Supply {
+    /// It has been opened.
+    Opened(Opened),
+    /// Its messages are of no use: it is not read, and what is in it is taken from the message indexes behind it.
+    Unread,
+    /// The scan is to read it itself.
+    Absent,
 }
 
 /// What a [`Scan`] has to tell.
@@ -84,6 +99,13 @@ pub enum Event<'a> {
         offset: u64,
         /// How many are needed at least.
         length: usize,
+    },
+    /// A chunk record begins here: say what becomes of it with [`Scan::supply`].
+    Chunk {
+        /// Where it stands.
+        offset: u64,
+        /// Length of its body.
+        length: u64,
     },
     /// Everything whole has been told. Go on after [`Scan::extend`] or [`Scan::finish`].
     Wait,
@@ -132,6 +154,7 @@ impl fmt::Display for Damage {
 /// An event without its data, which stays where it is.
 enum Step {
     Stop(Stop),
+    Chunk(Frame),
     Header,
     Schema(u16),
     Channel(u16),
@@ -147,6 +170,8 @@ enum Stage {
     #[default]
     Magic,
     Record,
+    /// A chunk is offered.
+    Offering(Frame),
     Telling(Telling),
     Attaching(Attaching),
     Asking(Box<Asking>),
@@ -177,6 +202,24 @@ impl Scan {
     /// The recording will not grow any more.
     pub fn finish(&mut self) {
         self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
+    }
+
+    /// The same, but chunks are not read without being [offered](Event::Chunk): they may come from elsewhere.
+    pub fn offering_chunks(self) -> Self {
+        Self { offering: true, ..self }
+    }
+
+    /// What becomes of the chunk that was offered. What one opened says is the same, wherever that was done.
+    pub fn supply(&mut self, supply: Supply) {
+        if let Stage::Offering(_) = self.stage {
+            self.supply = Some(supply);
+            self.stage = Stage::Record;
+        }
+    }
+
+    /// The opened chunk that was told last, for its memory.
+    pub fn spent(&mut self) -> Option<Opened> {
+        self.spent.take()
     }
 
     /// Room for `length` bytes of the recording, from the offset on that [`Event::Read`] gave.
@@ -218,6 +261,7 @@ impl Scan {
         Ok(match self.step()? {
             Step::Stop(Stop::Read { offset, length }) => Event::Read { offset, length },
             Step::Stop(_) => Event::Wait,
+            Step::Chunk(frame) => Event::Chunk { offset: frame.offset, length: frame.length },
             Step::Header => Event::Header { profile: self.inventory.profile(), library: self.inventory.library() },
             Step::Schema(id) => self.inventory.schemas().get(&id).map_or(Event::End, Event::Schema),
             Step::Channel(id) => self.inventory.channels().get(&id).map_or(Event::End, Event::Channel),
@@ -236,11 +280,12 @@ impl Scan {
             let done = match &mut self.stage {
                 Stage::Magic => self.magic()?,
                 Stage::Record => self.record(),
+                Stage::Offering(frame) => return Ok(Step::Chunk(*frame)),
                 Stage::Telling(telling) => {
-                    let records = self.inflate.records(telling.place, within(&self.horizon, &telling.data));
-                    if telling.advance(records) {
+                    if telling.advance(&self.inflate, &self.horizon) {
                         return Ok(Step::Message);
                     }
+                    self.spent = telling.opened.take();
                     let frame = telling.frame;
                     self.queue.extend(telling.ends.then_some(Step::ChunkEnd));
                     self.pass(frame);
@@ -270,7 +315,7 @@ impl Scan {
 
     fn message(&self) -> Option<Message<'_>> {
         let Stage::Telling(telling) = &self.stage else { return None };
-        let records = self.inflate.records(telling.place, within(&self.horizon, &telling.data));
+        let records = telling.records(&self.inflate, &self.horizon);
         Message::parse(records.get(telling.at.start + FRAME..telling.at.end)?)
     }
 

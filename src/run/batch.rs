@@ -9,12 +9,12 @@ use std::thread;
 
 use super::learn::{Learned, Learner};
 use super::output::{Output, Written};
-use super::recording::{Recording, Watch};
+use super::recording::{Listener, Recording, Watch};
 use super::spill::Spill;
 use crate::Error;
 use crate::config::Config;
 use crate::imu::Verdict;
-use crate::record::{Block, Channel, Damage, Fold, Inventory, Piece, Sidecar, Tail};
+use crate::record::{Block, Channel, Damage, Event, Fold, Inventory, Piece, Sidecar, Tail};
 use crate::report::Findings;
 
 /// How to annotate.
@@ -26,6 +26,8 @@ pub struct Options {
     pub force: bool,
     /// Write a result even if no topic is an IMU.
     pub allow_no_imu: bool,
+    /// Also read the chunks that hold nothing of use.
+    pub verify: bool,
     /// Wait until the output is on the device.
     pub sync: bool,
 }
@@ -81,7 +83,7 @@ pub fn annotate(
     let mut kept = Kept::beside(path);
     let (inventory, learned) = thread::scope(|scope| {
         let copying = (options.form == Form::Annotated).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
-        let learned = learn(recording, config, options.allow_no_imu, Some(&mut kept), watch);
+        let learned = learn(recording, config, options, Some(&mut kept), watch);
         abandon.store(learned.is_err(), Ordering::Relaxed);
         let copied =
             copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
@@ -109,7 +111,7 @@ pub fn annotate(
 ///
 /// If the recording cannot be read or has no usable IMU topic.
 pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
-    let (inventory, learned) = learn(recording, config, false, None, watch)?;
+    let (inventory, learned) = learn(recording, config, Options::default(), None, watch)?;
     if let Some(original) = recording.original_within(&inventory)? {
         return calibrate(&original, config, watch);
     }
@@ -136,40 +138,62 @@ impl Kept {
     fn beside(output: &Path) -> Self {
         Self { blocks: Spill::beside(output), indexes: Spill::beside(output) }
     }
-}
 
-fn keep(blocks: &mut Spill, block: &Block) -> Result<(), Error> {
-    let mut bytes = Vec::new();
-    block.write(&mut bytes);
-    blocks.push_item(&bytes)
+    fn block(&mut self, block: &Block) -> Result<(), Error> {
+        let mut bytes = Vec::new();
+        block.write(&mut bytes);
+        self.blocks.push_item(&bytes)
+    }
 }
 
 fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
     Ok(blocks.next_item()?.and_then(|bytes| Block::read(&bytes)))
 }
 
+/// Hears a recording.
+struct Listening<'a, 'k> {
+    learner: Learner<'a>,
+    kept: Option<&'k mut Kept>,
+    verify: bool,
+}
+
+impl Listener for Listening<'_, '_> {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        self.learner.take(event);
+        match &mut self.kept {
+            Some(kept) => self.learner.take_blocks().try_for_each(|block| kept.block(&block)),
+            None => {
+                self.learner.take_blocks().for_each(drop);
+                Ok(())
+            }
+        }
+    }
+
+    fn indexes(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.kept.as_mut().map_or(Ok(()), |kept| kept.indexes.push(bytes))
+    }
+
+    fn is_useless(&self, channels: &[u16]) -> bool {
+        !self.verify && self.learner.is_useless(channels)
+    }
+}
+
 /// Learns from a recording; what is to be written is kept where there is a place for it.
 fn learn(
     recording: &Recording,
     config: &Config,
-    allow_no_imu: bool,
+    options: Options,
     kept: Option<&mut Kept>,
     watch: Watch<'_>,
 ) -> Result<(Inventory, Learned), Error> {
-    let mut learner = Learner::new(config);
-    let (mut blocks, mut indexes) = kept.map(|kept| (&mut kept.blocks, &mut kept.indexes)).unzip();
-    let mut keep = |block: Block| blocks.as_mut().map_or(Ok(()), |blocks| keep(blocks, &block));
-    let inventory = recording.scan_for_fold(
-        watch,
-        |bytes| indexes.as_mut().map_or(Ok(()), |indexes| indexes.push(bytes)),
-        |event| {
-            learner.take(event);
-            learner.take_blocks().try_for_each(&mut keep)
-        },
-    )?;
+    let mut listening = Listening { learner: Learner::new(config), kept, verify: options.verify };
+    let inventory = recording.scan(watch, &mut listening)?;
+    let Listening { learner, mut kept, .. } = listening;
     let mut learned = learner.finish();
-    learned.blocks.drain(..).try_for_each(&mut keep)?;
-    if learned.imus.is_empty() && !allow_no_imu {
+    if let Some(kept) = &mut kept {
+        learned.blocks.drain(..).try_for_each(|block| kept.block(&block))?;
+    }
+    if learned.imus.is_empty() && !options.allow_no_imu {
         return Err(no_imu(recording.path(), &inventory, &learned.channels));
     }
     Ok((inventory, learned))

@@ -63,7 +63,7 @@ pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Res
     let mut intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
     let mut schemas = BTreeMap::new();
     let mut found = Vec::new();
-    let inventory = recording.scan(watch, |event| {
+    let inventory = recording.scan(watch, &mut |event: Event<'_>| {
         match event {
             Event::Schema(schema) => {
                 schemas.insert(schema.id, schema.clone());

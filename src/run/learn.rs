@@ -2,7 +2,7 @@
 //!
 //! Reading the messages is left to [`Recording`](super::Recording), writing the annotations to [`annotate`](super::annotate()).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::Stamp;
 use crate::annotate::Annotator;
@@ -27,6 +27,7 @@ pub(super) struct Learner<'a> {
     annotator: Annotator,
     blocks: Vec<Block>,
     channels: Vec<Channel>,
+    known: BTreeSet<u16>,
     damage: Vec<Damage>,
     damages: u64,
     /// Of the last message.
@@ -69,6 +70,7 @@ impl<'a> Learner<'a> {
             annotator: Annotator::new(config.output.encoding.in_profile("")),
             blocks: Vec::new(),
             channels: Vec::new(),
+            known: BTreeSet::new(),
             damage: Vec::new(),
             damages: 0,
             log_time: 0,
@@ -89,6 +91,7 @@ impl<'a> Learner<'a> {
             Event::Channel(channel) => {
                 self.intake.channel(channel, self.schemas.get(&channel.schema_id));
                 self.channels.push(channel.clone());
+                self.known.insert(channel.id);
                 for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
                     learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
                 }
@@ -110,8 +113,13 @@ impl<'a> Learner<'a> {
                     self.damage.push(damage);
                 }
             }
-            Event::Read { .. } | Event::Wait | Event::End => {}
+            Event::Read { .. } | Event::Chunk { .. } | Event::Wait | Event::End => {}
         }
+    }
+
+    /// Whether messages on these channels, all of them known, teach nothing.
+    pub(super) fn is_useless(&self, channels: &[u16]) -> bool {
+        channels.iter().all(|&id| self.known.contains(&id) && !self.intake.wants(id))
     }
 
     /// Hands over the blocks that were closed since the last time, so that they do not pile up.

@@ -26,7 +26,7 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
     let mut channels = BTreeMap::new();
     let mut types = BTreeMap::new();
     let mut imus = Vec::<Findings>::new();
-    recording.scan(watch, |event| {
+    recording.scan(watch, &mut |event: Event<'_>| {
         match event {
             Event::Schema(schema) => {
                 schemas.insert(schema.id, schema.name.clone());

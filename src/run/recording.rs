@@ -6,14 +6,22 @@ use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::mpsc::channel;
+use std::thread;
 use std::time::SystemTime;
 
+use super::ahead::{Ahead, open_chunks};
 use super::in_place::{self, Access};
 use crate::Error;
 use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, Scan, recognise, recognise_scanned};
 
 /// Reads of less would cost more than the bytes (1 MiB).
 const READ: usize = 1 << 20;
+/// How much is read behind a chunk at first (4 KiB).
+const LEAST: usize = 4 << 10;
+/// More threads than this hardly read faster.
+const THREADS: usize = 8;
 
 /// To be called between pieces of work with the bytes of the recording that are done; an error gives the work up.
 pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
@@ -85,7 +93,7 @@ impl Recording {
         let file = Self::open(path)?;
         let mut kind = file.recognise(|bytes| recognise(bytes, file.length()))?;
         if kind == Kind::Recording {
-            let inventory = file.scan(&|_| Ok(()), |_| Ok(()))?;
+            let inventory = file.scan(&|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
             kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
         }
         match kind {
@@ -186,44 +194,85 @@ impl Recording {
         Ok(())
     }
 
-    /// Reads all of it, passing on what the scan tells.
+    /// Reads it, passing on what the scan tells. Chunks are opened by several threads.
     ///
     /// # Errors
     ///
-    /// If it is not MCAP, if the system refuses, or what `watch` or `each` returns.
-    pub fn scan(&self, watch: Watch<'_>, each: impl FnMut(Event<'_>) -> Result<(), Error>) -> Result<Inventory, Error> {
-        self.scan_for_fold(watch, |_| Ok(()), each)
+    /// If it is not MCAP, if the system refuses, or what `watch` or the listener returns.
+    pub fn scan(&self, watch: Watch<'_>, listener: &mut impl Listener) -> Result<Inventory, Error> {
+        let (work, jobs) = channel();
+        let jobs = Mutex::new(jobs);
+        thread::scope(|scope| {
+            for _ in 0..thread::available_parallelism().map_or(1, usize::from).min(THREADS) {
+                scope.spawn(|| open_chunks(&jobs, self));
+            }
+            self.scan_with(Ahead::new(self, work), watch, listener)
+        })
     }
 
-    /// The same, passing on the chunk indexes that a fold will want back.
-    ///
-    /// # Errors
-    ///
-    /// As [`scan`](Self::scan), and what `indexes` returns.
-    pub(super) fn scan_for_fold(
+    fn scan_with(
         &self,
+        mut ahead: Ahead<'_>,
         watch: Watch<'_>,
-        mut indexes: impl FnMut(&[u8]) -> Result<(), Error>,
-        mut each: impl FnMut(Event<'_>) -> Result<(), Error>,
+        listener: &mut impl Listener,
     ) -> Result<Inventory, Error> {
         let length = self.length();
-        let mut scan = Scan::finished(length);
+        let mut scan = Scan::finished(length).offering_chunks();
+        // Between chunks there is little to read, elsewhere much.
+        let mut block = LEAST;
         loop {
             match scan.next_event().map_err(|e| Error::input(&self.path, e.to_string()))? {
                 Event::Read { offset, length: wanted } => {
                     watch(offset)?;
-                    let ahead = (length - offset).min(wanted.max(READ) as u64) as usize;
-                    self.read_exact_at(scan.insert(ahead), offset)?;
-                    scan.notify_read(ahead);
-                    indexes(&scan.take_indexes())?;
+                    let size = (length - offset).min(wanted.max(block) as u64) as usize;
+                    self.read_exact_at(scan.insert(size), offset)?;
+                    scan.notify_read(size);
+                    block = (2 * block).min(READ);
+                }
+                Event::Chunk { offset, length } => {
+                    watch(offset)?;
+                    listener.indexes(&scan.take_indexes())?;
+                    scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
+                    scan.supply(ahead.supply(offset, length, |channels| listener.is_useless(channels))?);
+                    block = LEAST;
                 }
                 Event::Wait | Event::End => {
-                    indexes(&scan.take_indexes())?;
+                    listener.indexes(&scan.take_indexes())?;
                     return Ok(scan.into_inventory());
                 }
-                event => each(event)?,
+                event => listener.event(event)?,
             }
         }
+    }
+}
+
+/// Whom a scan tells what it finds.
+pub trait Listener {
+    /// What was found; no [`Read`](Event::Read), [`Chunk`](Event::Chunk), [`Wait`](Event::Wait) or [`End`](Event::End).
+    ///
+    /// # Errors
+    ///
+    /// Anything, to give the work up.
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
+
+    /// Takes chunk indexes, which a fold will want back.
+    ///
+    /// # Errors
+    ///
+    /// Anything, to give the work up.
+    fn indexes(&mut self, _bytes: &[u8]) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Whether chunks with messages on these channels alone need not be read. Must not depend on chance.
+    fn is_useless(&self, _channels: &[u16]) -> bool {
+        false
+    }
+}
+
+impl<F: FnMut(Event<'_>) -> Result<(), Error>> Listener for F {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        self(event)
     }
 }
 
@@ -237,5 +286,14 @@ struct Bytes<'a>(&'a File);
 impl ReadAt for Bytes<'_> {
     fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
         self.0.read_exact_at(buffer, offset)
+    }
+}
+
+/// The bytes of a recording, wherever they stand in its file.
+pub(super) struct Within<'a>(pub(super) &'a Recording);
+
+impl ReadAt for Within<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(buffer, offset).map_err(io::Error::other)
     }
 }

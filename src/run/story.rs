@@ -37,7 +37,7 @@ pub fn stories(recording: &Recording, config: &Config, watch: Watch<'_>) -> Resu
     let config = used.as_ref().unwrap_or(config);
     let mut teller = Teller::new(config);
     let mut learner = settings.is_none().then(|| Learner::new(config));
-    let inventory = recording.scan(watch, |event| {
+    let inventory = recording.scan(watch, &mut |event: Event<'_>| {
         teller.take(&event, learner.is_none());
         if let Some(learner) = &mut learner {
             learner.take(event);

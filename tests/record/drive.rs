@@ -50,19 +50,29 @@ pub fn follow(file: &[u8], growth: &[usize], reads: &[usize]) -> (Vec<Told>, Inv
                     scan.finish();
                 }
             },
-            Event::Header { profile, library } => told.push(Told::Header(profile.to_owned(), library.to_owned())),
-            Event::Schema(schema) => told.push(Told::Schema(schema.clone())),
-            Event::Channel(channel) => told.push(Told::Channel(channel.clone())),
-            Event::Message(message) => told.push(Told::Message {
+            Event::End => return (told, scan.into_inventory()),
+            event => told.push(Told::of(event)),
+        }
+    }
+}
+
+impl Told {
+    /// An event that is told, not asked.
+    pub fn of(event: Event<'_>) -> Self {
+        match event {
+            Event::Header { profile, library } => Self::Header(profile.to_owned(), library.to_owned()),
+            Event::Schema(schema) => Self::Schema(schema.clone()),
+            Event::Channel(channel) => Self::Channel(channel.clone()),
+            Event::Message(message) => Self::Message {
                 channel: message.channel,
                 sequence: message.sequence,
                 log_time: message.log_time,
                 publish_time: message.publish_time,
                 data: message.data.to_vec(),
-            }),
-            Event::ChunkEnd => told.push(Told::ChunkEnd),
-            Event::Damage(damage) => told.push(Told::Damage(damage)),
-            Event::End => return (told, scan.into_inventory()),
+            },
+            Event::ChunkEnd => Self::ChunkEnd,
+            Event::Damage(damage) => Self::Damage(damage),
+            Event::Read { .. } | Event::Chunk { .. } | Event::Wait | Event::End => panic!("{event:?} tells nothing"),
         }
     }
 }
@@ -101,7 +111,11 @@ pub fn settings() -> BTreeMap<String, String> {
 
 /// The annotated recording.
 pub fn fold(file: &[u8], topics: &[Topic], blocks: &[Block]) -> Vec<u8> {
-    let inventory = scan(file).1;
+    fold_scanned(scan(file).1, file, topics, blocks)
+}
+
+/// The same, of a recording that was scanned.
+pub fn fold_scanned(inventory: Inventory, file: &[u8], topics: &[Topic], blocks: &[Block]) -> Vec<u8> {
     let behind = &file[inventory.prefix() as usize..];
     let tail = Tail { length: behind.len() as u64, crc: crc32fast::hash(behind) };
     let (mut fold, mut pieces) = Fold::open(inventory, tail, &settings(), topics).unwrap();

@@ -6,14 +6,12 @@ use std::ops::Range;
 use crc32fast::Hasher;
 
 use super::search::HEAD;
-use super::{Scan, Stage, Step, within};
+use super::{Scan, Stage, Step, Supply, within};
 use crate::record::Message;
-use crate::record::chunk::{LIMIT, Place};
+use crate::record::chunk::{Content, Inflate, LIMIT, Opened, Place, locate};
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::inventory::Learned;
-use crate::record::records::{
-    AttachmentIndex, ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_message_index, parse_metadata,
-};
+use crate::record::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_message_index, parse_metadata};
 use crate::record::shape::{Measure, measure};
 use crate::record::survey::{Survey, Tally};
 use crate::record::wire::{FRAME, Fields, op};
@@ -24,9 +22,11 @@ const DAY: u64 = 86_400_000_000_000;
 /// Records in order, from which messages are told.
 pub(super) struct Telling {
     pub(super) frame: Frame,
-    /// The bytes that hold the records, in front of the horizon.
+    /// The bytes that hold the records, in front of the horizon or in `opened`.
     pub(super) data: Range<usize>,
     pub(super) place: Place,
+    /// The chunk, if somebody else opened it.
+    pub(super) opened: Option<Opened>,
     /// The record that is being told, within the records.
     pub(super) at: Range<usize>,
     /// Whether the end of a chunk is to be told.
@@ -36,30 +36,46 @@ pub(super) struct Telling {
 /// A chunk whose message indexes may follow.
 pub(super) struct OpenChunk {
     index: ChunkIndex,
-    /// Its messages, by channel.
-    tallies: BTreeMap<u16, Tally>,
+    /// Its messages, by channel; `None` of a chunk that is not read.
+    tallies: Option<BTreeMap<u16, Tally>>,
+    /// First and last log time by the indexes of a chunk that is not read.
+    span: Option<(u64, u64)>,
 }
 
 impl OpenChunk {
-    /// The channel that a message index is about, and whether it says of its messages what is true.
+    /// The channel that a message index is about, if what it says of its messages is true. Of a chunk that is not read,
+    /// it is believed.
     fn agrees(&self, body: &[u8]) -> Option<u16> {
         let (channel, entries) = parse_message_index(body)?;
+        let Some(tallies) = &self.tallies else { return Some(channel) };
         let mut told = Tally::default();
         entries.for_each(|(log_time, offset)| told.add(log_time, offset));
-        (self.tallies.get(&channel).copied().unwrap_or_default() == told).then_some(channel)
+        (tallies.get(&channel).copied().unwrap_or_default() == told).then_some(channel)
     }
 
     /// Whether a record has no other content than the index of some of its messages.
     fn is_indexed_by(&self, body: &[u8]) -> bool {
         measure(op::MESSAGE_INDEX, body) == Measure::Says(body.len() as u64)
-            && self.agrees(body).is_some_and(|channel| self.tallies.contains_key(&channel))
+            && self
+                .agrees(body)
+                .zip(self.tallies.as_ref())
+                .is_some_and(|(channel, tallies)| tallies.contains_key(&channel))
     }
 }
 
 impl Telling {
+    /// The records from which is told.
+    pub(super) fn records<'a>(&'a self, inflate: &'a Inflate, horizon: &'a Horizon) -> &'a [u8] {
+        match &self.opened {
+            Some(opened) => opened.records(self.place, &self.data),
+            None => inflate.records(self.place, within(horizon, &self.data)),
+        }
+    }
+
     /// Goes on to the next message, if there is one.
-    pub(super) fn advance(&mut self, records: &[u8]) -> bool {
+    pub(super) fn advance(&mut self, inflate: &Inflate, horizon: &Horizon) -> bool {
         loop {
+            let records = self.records(inflate, horizon);
             let mut rest = Fields(records.get(self.at.end..).unwrap_or_default());
             let before = rest.0.len();
             let Some((opcode, _)) = rest.record() else { return false };
@@ -184,7 +200,8 @@ impl Scan {
                     (*last, *longest) = (frame.length, frame.length.max(*longest));
                 }
                 self.admit(frame, survey);
-                self.stage = Stage::Telling(Telling { frame, data: 0..size, place: Place::Plain, at: 0..0, ends });
+                self.stage =
+                    Stage::Telling(Telling { frame, data: 0..size, place: Place::Plain, opened: None, at: 0..0, ends });
             }
             Err(what) => {
                 self.reject(frame, what);
@@ -220,15 +237,30 @@ impl Scan {
     }
 
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match self.open_chunk(frame)? {
-            Ok((.., survey)) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
-            Ok((telling, index, survey)) => {
-                let tallies = survey.tallies.clone();
+        let (opened, content) = match self.supply.take() {
+            None if self.offering => {
+                self.stage = Stage::Offering(frame);
+                return Ok(());
+            }
+            Some(Supply::Unread) => return self.unread_chunk(frame),
+            Some(Supply::Opened(mut opened)) if opened.length() == frame.length => {
+                let content = opened.content.take().unwrap_or_else(|| Err("a chunk that was not opened".to_owned()));
+                (Some(opened), content.map(|content| *content))
+            }
+            Some(Supply::Opened(_) | Supply::Absent) | None => (None, self.open_chunk(frame)?),
+        };
+        match content {
+            Ok(Content { survey, .. }) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(Content { data, place, mut index, survey }) => {
+                index.offset = frame.offset;
+                index.length = frame.end() - frame.offset;
+                let tallies = Some(survey.tallies.clone());
                 self.admit(frame, survey);
-                self.chunk = Some(OpenChunk { index, tallies });
-                self.stage = Stage::Telling(telling);
+                self.chunk = Some(OpenChunk { index, tallies, span: None });
+                self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
+                self.spent = opened;
                 self.reject(frame, what);
                 self.orphans = true;
                 self.pass(frame);
@@ -237,38 +269,37 @@ impl Scan {
         Ok(())
     }
 
-    fn open_chunk(&mut self, frame: Frame) -> Result<Result<(Telling, ChunkIndex, Survey), String>, Stop> {
-        let mut fields = Fields(self.horizon.body(frame, HEAD)?);
-        let size = fields.0.len();
-        let Some(header) = ChunkHeader::parse(&mut fields) else {
-            return Ok(Err("a malformed chunk record".to_owned()));
+    fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
+        let body = self.horizon.body(frame, HEAD)?;
+        let data = match locate(body, frame.length) {
+            Ok((_, data)) => FRAME + data.start..FRAME + data.end,
+            Err(what) => return Ok(Err(what)),
         };
-        let start = FRAME + size - fields.0.len();
-        let room = FRAME as u64 + frame.length - start as u64;
-        if header.compressed_size > room.min(LIMIT) {
-            return Ok(Err(format!("a chunk that claims {} bytes but has {room}", header.compressed_size)));
-        }
-        let data = start..start + header.compressed_size as usize;
         self.horizon.peek(data.end)?;
+        let body = self.horizon.body(frame, HEAD)?;
+        Ok(locate(body, frame.length).and_then(|(header, _)| {
+            let bytes = within(&self.horizon, &data);
+            Content::of(&header, data, bytes, &mut self.inflate)
+        }))
+    }
 
-        let bytes = within(&self.horizon, &data);
-        let opened = self.inflate.open(&header, bytes).and_then(|place| {
-            let survey = Survey::of(self.inflate.records(place, bytes))?;
-            let (start_time, end_time) = survey.span.unwrap_or((header.start_time, header.end_time));
-            let index = ChunkIndex {
-                start_time,
-                end_time,
-                offset: frame.offset,
-                length: frame.end() - frame.offset,
-                message_indexes: Default::default(),
-                message_indexes_length: 0,
-                compression: header.compression.to_owned(),
-                compressed_size: header.compressed_size,
-                uncompressed_size: header.uncompressed_size,
-            };
-            Ok((Telling { frame, data, place, at: 0..0, ends: true }, index, survey))
-        });
-        Ok(opened)
+    /// A chunk that is passed over: what is in it is what its message indexes say.
+    fn unread_chunk(&mut self, frame: Frame) -> Result<(), Stop> {
+        // Its head is short, whatever its compression is called.
+        let head = self.horizon.body(frame, 128)?;
+        match locate(head, frame.length).map(|(header, _)| header.index()) {
+            Ok(index) => {
+                let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
+                self.chunk = Some(OpenChunk { index, tallies: None, span: None });
+                self.queue.push_back(Step::ChunkEnd);
+            }
+            Err(what) => {
+                self.reject(frame, what);
+                self.orphans = true;
+            }
+        }
+        self.pass(frame);
+        Ok(())
     }
 
     /// Notes what records in order define and hold.
@@ -306,7 +337,12 @@ impl Scan {
         };
         self.inventory.mentioned.insert(channel);
         match &mut self.chunk {
-            Some(OpenChunk { index, .. }) if agrees => {
+            Some(OpenChunk { index, tallies, span }) if agrees => {
+                if tallies.is_none() && !index.message_indexes.contains_key(&channel) {
+                    let (count, times) = extent(body);
+                    *span = span.iter().chain(&times).copied().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+                    self.inventory.count_unread(channel, count, times);
+                }
                 // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
                 if frame.offset == index.offset + index.length + index.message_indexes_length {
                     index.message_indexes.insert(channel, frame.offset);
@@ -337,8 +373,9 @@ impl Scan {
 
     /// All message indexes of the last chunk have been seen.
     pub(super) fn close_chunk(&mut self) {
-        if let Some(chunk) = self.chunk.take() {
-            self.inventory.summary.index(&chunk.index);
+        if let Some(OpenChunk { mut index, span, .. }) = self.chunk.take() {
+            (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
+            self.inventory.summary.index(&index);
         }
     }
 
@@ -386,4 +423,13 @@ impl Scan {
         }
         self.pass(frame);
     }
+}
+
+/// How many messages a message index names, and their first and last log time.
+fn extent(body: &[u8]) -> (u64, Option<(u64, u64)>) {
+    let entries = parse_message_index(body).map(|(_, entries)| entries);
+    entries.into_iter().flatten().fold((0, None), |(count, span), (time, _)| {
+        let (from, until) = span.unwrap_or((time, time));
+        (count + 1, Some((from.min(time), until.max(time))))
+    })
 }

@@ -1,0 +1,96 @@
+//! Where the chunks of a recording are, and which channels their message indexes name: by framing alone, ahead of a
+//! [`Scan`](super::Scan), which does not depend on what is said here.
+
+use super::Error;
+use super::horizon::Frame;
+use super::records::ChunkHeader;
+use super::walk::{ReadAt, Walk};
+use super::wire::{Fields, op};
+
+/// How much is read at a time, in bytes: what stands between two chunks is mostly short.
+const BLOCK: u64 = 4 << 10;
+/// Enough for the head of a chunk.
+const HEAD: u64 = 128;
+
+/// The chunks of a recording, in order, up to the first trouble.
+pub struct Chunks {
+    walk: Walk,
+    open: Option<Chunk>,
+}
+
+/// A chunk record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// Where it stands.
+    pub offset: u64,
+    /// Length of its body.
+    pub length: u64,
+    /// What its records take when they are decompressed, as it claims; 0 if they are not compressed.
+    pub inflated: u64,
+    /// The channels that its message indexes name; `None` if something about these is strange.
+    pub channels: Option<Vec<u16>>,
+}
+
+impl Chunk {
+    /// Where its body stands.
+    pub fn body(&self) -> std::ops::Range<u64> {
+        let start = self.offset + super::wire::FRAME as u64;
+        start..start + self.length
+    }
+}
+
+impl Chunks {
+    /// The chunks from `offset` on, where a record begins, of a recording of this length.
+    pub fn new(offset: u64, length: u64) -> Self {
+        Self { walk: Walk::new(offset..length, BLOCK), open: None }
+    }
+
+    /// The next one.
+    ///
+    /// # Errors
+    /// If the recording cannot be read.
+    pub fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
+        while let Some(frame) = self.walk.next(file)? {
+            match frame.opcode {
+                op::CHUNK => {
+                    let next = self.chunk(file, frame)?;
+                    if let Some(chunk) = self.open.replace(next) {
+                        return Ok(Some(chunk));
+                    }
+                }
+                op::MESSAGE_INDEX => {
+                    let channel = Fields(self.walk.body(file, frame, 2)?).u16();
+                    if let Some(Chunk { channels: channels @ Some(_), .. }) = &mut self.open {
+                        let new =
+                            channel.filter(|channel| channels.as_ref().is_some_and(|known| !known.contains(channel)));
+                        *channels = channels.take().zip(new).map(|(mut known, new)| {
+                            known.push(new);
+                            known
+                        });
+                    }
+                }
+                // An index whose opcode is damaged must not be missed.
+                opcode => {
+                    if let Some(mut chunk) = self.open.take() {
+                        let usual = matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END | 0x80..);
+                        if !usual {
+                            chunk.channels = None;
+                        }
+                        return Ok(Some(chunk));
+                    }
+                    if opcode == op::DATA_END {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok(self.open.take())
+    }
+
+    fn chunk(&mut self, file: &mut impl ReadAt, frame: Frame) -> Result<Chunk, Error> {
+        let header = ChunkHeader::parse(&mut Fields(self.walk.body(file, frame, HEAD)?));
+        let compressed = header.filter(|header| !header.compression.is_empty());
+        let inflated = compressed.map_or(0, |header| header.uncompressed_size);
+        Ok(Chunk { offset: frame.offset, length: frame.length, inflated, channels: Some(Vec::new()) })
+    }
+}

@@ -1,0 +1,88 @@
+//! A walk over the records of a file whose bytes lie at hand, from one frame to the next. What is in the frames is left
+//! to the caller.
+
+use std::io;
+use std::ops::Range;
+
+use super::Error;
+use super::horizon::{Extent, Frame, Horizon, Stop};
+
+/// Something whose bytes can be read anywhere.
+pub trait ReadAt {
+    /// Fills `buffer` from byte `offset` on.
+    ///
+    /// # Errors
+    /// If the bytes are not there or cannot be read.
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()>;
+}
+
+impl ReadAt for &[u8] {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        let start = usize::try_from(offset).unwrap_or(usize::MAX);
+        let bytes = self.get(start..).and_then(|rest| rest.get(..buffer.len()));
+        buffer.copy_from_slice(bytes.ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    }
+}
+
+/// A walk over the records of a part of a file.
+pub(super) struct Walk {
+    horizon: Horizon,
+    /// Length of the record that was given last.
+    passed: u64,
+    end: u64,
+    /// How much is read at a time, in bytes.
+    block: u64,
+}
+
+impl Walk {
+    pub(super) fn new(range: Range<u64>, block: u64) -> Self {
+        let mut horizon = Horizon::default();
+        horizon.set_extent(Extent { length: range.end, finished: true });
+        horizon.skip(range.start);
+        Self { horizon, passed: 0, end: range.end, block }
+    }
+
+    /// The next record, if a whole one follows.
+    pub(super) fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Frame>, Error> {
+        self.horizon.skip(self.passed);
+        self.passed = 0;
+        loop {
+            match self.horizon.frame() {
+                Ok(frame) => {
+                    self.passed = frame.end() - frame.offset;
+                    return Ok(Some(frame));
+                }
+                Err(stop) => {
+                    if !self.fill(file, stop)? {
+                        return Ok(None);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The first `most` bytes of the record that was given last.
+    pub(super) fn body(&mut self, file: &mut impl ReadAt, frame: Frame, most: u64) -> Result<&[u8], Error> {
+        while let Err(stop) = self.horizon.body(frame, most) {
+            if !self.fill(file, stop)? {
+                return Ok(&[]);
+            }
+        }
+        Ok(self.horizon.body(frame, most).unwrap_or_default())
+    }
+
+    /// Behind the records given.
+    pub(super) fn offset(&self) -> u64 {
+        self.horizon.offset() + self.passed
+    }
+
+    fn fill(&mut self, file: &mut impl ReadAt, stop: Stop) -> Result<bool, Error> {
+        let Stop::Read { offset, length } = stop else { return Ok(false) };
+        let length = (length as u64).max(self.block).min(self.end - offset) as usize;
+        let cause = |cause| Error::Read { offset, cause };
+        file.read_at(offset, self.horizon.insert(length)).map_err(cause)?;
+        self.horizon.notify_read(length);
+        Ok(true)
+    }
+}

@@ -1,0 +1,117 @@
+//! Chunks that do not come through the scan: opened elsewhere, or not read at all.
+
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+use stillpoint::record::{Chunk, Chunks, Event, Inventory, Opened, Opener, Scan, Supply};
+
+use crate::drive::{Told, blocks, fold, fold_scanned, scan, topics};
+use crate::recordings::{Recipe, mistreated, recipes, shared};
+
+/// Scans with `supply` saying what becomes of each chunk.
+fn offer(file: &[u8], mut supply: impl FnMut(&mut Scan, u64, u64, &[Told]) -> Supply) -> (Vec<Told>, Inventory) {
+    let mut scan = Scan::finished(file.len() as u64).offering_chunks();
+    let mut told = Vec::new();
+    loop {
+        match scan.next_event().unwrap() {
+            Event::Read { offset, length } => {
+                scan.insert(length).copy_from_slice(&file[offset as usize..offset as usize + length]);
+                scan.notify_read(length);
+            }
+            Event::Chunk { offset, length } => {
+                let supply = supply(&mut scan, offset, length, &told);
+                scan.supply(supply);
+            }
+            Event::End => return (told, scan.into_inventory()),
+            event => told.push(Told::of(event)),
+        }
+    }
+}
+
+/// The chunks that are found by framing alone.
+fn chunks(file: &[u8]) -> BTreeMap<u64, Chunk> {
+    let mut chunks = Chunks::new(8, file.len() as u64);
+    std::iter::from_fn(|| chunks.next(&mut &file[..]).unwrap()).map(|chunk| (chunk.offset, chunk)).collect()
+}
+
+/// All that need not be read is not, of the first two channels.
+fn pass_over(file: &[u8]) -> (Vec<Told>, Inventory, usize) {
+    let (found, mut unread) = (chunks(file), 0);
+    let (told, inventory) = offer(file, |_, offset, _, told| {
+        let known = |id: &u16| told.iter().any(|told| matches!(told, Told::Channel(channel) if channel.id == *id));
+        let useless = |id: &u16| known(id) && *id < 2;
+        match found.get(&offset).and_then(|chunk| chunk.channels.as_ref()) {
+            Some(channels) if !channels.is_empty() && channels.iter().all(useless) => {
+                unread += 1;
+                Supply::Unread
+            }
+            _ => Supply::Absent,
+        }
+    });
+    (told, inventory, unread)
+}
+
+proptest! {
+    #[test]
+    fn chunks_opened_elsewhere_say_the_same(file in mistreated(), absent in any::<u8>()) {
+        let (mut opener, mut spare, mut n) = (Opener::default(), Opened::default(), 0);
+        let (told, inventory) = offer(&file, |scan, offset, length, _| {
+            n += 1;
+            if absent >> (n % 8) & 1 == 1 {
+                return Supply::Absent;
+            }
+            let mut opened = scan.spent().unwrap_or_else(|| std::mem::take(&mut spare));
+            let start = offset as usize + 9;
+            opened.room(length as usize).copy_from_slice(&file[start..start + length as usize]);
+            opener.open(&mut opened);
+            Supply::Opened(opened)
+        });
+        let (expected, found) = scan(&file);
+        prop_assert_eq!(told, expected);
+        prop_assert_eq!(format!("{inventory:?}"), format!("{found:?}"));
+    }
+
+    #[test]
+    fn what_is_in_an_unread_chunk_is_what_its_indexes_say(recipe in recipes()) {
+        let file = recipe.write();
+        let (told, inventory, unread) = pass_over(&file);
+        let (expected, found) = scan(&file);
+        for id in found.channels().keys() {
+            prop_assert_eq!(inventory.messages(*id), found.messages(*id));
+        }
+        prop_assert!(unread == 0 || told.len() < expected.len());
+        prop_assert_eq!(fold_scanned(inventory, &file, &topics(), &blocks()), fold(&file, &topics(), &blocks()));
+    }
+}
+
+#[test]
+fn chunks_are_found_as_the_summary_has_them_and_no_further_than_the_framing_holds() {
+    for (path, file) in shared() {
+        let Ok(Some(summary)) = mcap::Summary::read(&file) else { continue };
+        let mut indexed: Vec<_> = summary.chunk_indexes.iter().map(|index| index.chunk_start_offset).collect();
+        indexed.sort_unstable();
+        assert_eq!(chunks(&file).into_keys().collect::<Vec<_>>(), indexed, "{}", path.display());
+    }
+    let mut file = Recipe::plain().write();
+    let found = chunks(&file);
+    let named: Vec<_> = found.values().map(|chunk| chunk.channels.as_ref().unwrap().len()).collect();
+    // One has but a private record.
+    assert!(named.iter().filter(|&&channels| channels > 0).count() > 3, "{named:?}");
+    let second = found.keys().nth(1).copied().unwrap() as usize;
+    file[second + 8] = 0xFF;
+    assert_eq!(chunks(&file).len(), 1);
+}
+
+#[test]
+fn an_index_that_may_be_damaged_gets_its_chunk_read() {
+    let recipe = Recipe { messages: (0..60).map(|n| (n / 20 % 2, 10 * u64::from(n), 50)).collect(), ..Recipe::plain() };
+    let mut file = recipe.write();
+    let (.., unread) = pass_over(&file);
+    assert!(unread > 2, "{unread}");
+    let found = chunks(&file);
+    let last = found.values().last().unwrap();
+    let index = last.body().end as usize;
+    assert_eq!(file[index], 0x07, "a message index stands behind the chunk");
+    file[index] ^= 0x40;
+    assert_eq!(chunks(&file).values().last().unwrap().channels, None);
+}
