@@ -29,6 +29,7 @@
 mod book;
 mod judge;
 mod observe;
+mod preset;
 mod publish;
 mod solve;
 mod suspicion;
@@ -89,6 +90,8 @@ pub struct Config {
     pub gyroscope: String,
     /// The secondary accelerometers.
     pub secondary: Vec<Secondary>,
+    /// Which sensor it is, if that is known; [`Config::of`] sets it with what its datasheet says.
+    pub preset: Option<Preset>,
     /// How rests are found.
     pub still: still::Config,
     /// How a calibration is fitted.
@@ -228,7 +231,7 @@ impl Engine {
         let step = segmenter.accel_step();
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
         let mut solution = solve::solve(book.entries_mut(), &judge, config, gravity, step, publisher.shape());
-        solution.suspicions = suspicion::examine(segmenter, book.entries(), turns, &solution);
+        solution.suspicions = suspicion::examine(segmenter, book.entries(), turns, config.preset, &solution);
         suspicion::veto(&mut solution);
         solution
     }

@@ -34,7 +34,7 @@ pub use intake::{Imu, Intake, MissingTopic, Triad};
 pub use layout::{Layout, Place, SchemaError};
 pub use lookup::PathError;
 pub use path::{FieldPath, PathSyntaxError};
-pub use preset::Preset;
+pub use preset::{Datasheet, Preset, Promise};
 pub use suggestion::Suggestion;
 pub use verdict::{Cause, Fault, Notice, Use, Verdict};
 pub use walk::Malformed;

@@ -7,6 +7,7 @@ use super::Config;
 use super::book::{Entry, Verdict};
 use super::judge::{Judge, Poses};
 use super::observe::{self, Placed};
+use super::preset::secondary_bounds;
 use super::suspicion::Suspicion;
 use super::words;
 use crate::fit::accelerometer::{Assumptions, Observation};
@@ -211,7 +212,7 @@ fn others(
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
         let mut bounds = config.bounds.clone();
         if let Some(preset) = secondary.preset {
-            (bounds.secondary_bias, bounds.secondary_scale) = (preset.bias(), preset.scale());
+            bounds = secondary_bounds(bounds, preset);
         }
         fit_secondary(entries, i, config, &bounds, primary)
     });

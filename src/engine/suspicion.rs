@@ -7,7 +7,7 @@ use super::book::Entry;
 use super::solve::Solution;
 use super::turn::{Axes, Hypothesis, Turns};
 use super::words;
-use crate::imu::Sensor;
+use crate::imu::{Preset, Sensor};
 use crate::still::{Segmenter, Signal};
 
 /// Something that was recognised.
@@ -36,6 +36,8 @@ pub(super) enum Cause {
     Repeated,
     /// From face to face it spans far more than gravity.
     Stretched,
+    /// It reads more than the sensor can measure.
+    BeyondRange,
     /// The first rest reads −g on z.
     Inverted,
 }
@@ -46,14 +48,20 @@ impl Suspicion {
         match self.cause {
             // A bias at rest is one, whatever the sign of the axis; an accelerometer's faces are not.
             Cause::Flipped => self.sensor == Sensor::Accelerometer,
-            Cause::Degrees | Cause::Relaxing | Cause::Dead | Cause::Stretched => true,
+            Cause::Degrees | Cause::Relaxing | Cause::Dead | Cause::Stretched | Cause::BeyondRange => true,
             Cause::Disagreeing | Cause::Repeated | Cause::Inverted => false,
         }
     }
 }
 
 /// All that is suspicious, given what the rests seem to determine.
-pub(super) fn examine(segmenter: &Segmenter, entries: &[Entry], turns: &Turns, solution: &Solution) -> Vec<Suspicion> {
+pub(super) fn examine(
+    segmenter: &Segmenter,
+    entries: &[Entry],
+    turns: &Turns,
+    preset: Option<Preset>,
+    solution: &Solution,
+) -> Vec<Suspicion> {
     let guessed = solution.guessed;
     let calibration = solution.accelerometer.as_ref().map_or(guessed, |fit| fit.calibration());
     let accelerometer = segmenter.signal(Sensor::Accelerometer);
@@ -85,12 +93,24 @@ pub(super) fn examine(segmenter: &Segmenter, entries: &[Entry], turns: &Turns, s
     let of_accelerometer = |cause, text| Suspicion { sensor: Sensor::Accelerometer, cause, text };
     let stretched = guessed.sensitivity.diagonal().max();
     let stretched = (stretched > STRETCHED).then(|| of_accelerometer(Cause::Stretched, words::stretched(stretched)));
+    let beyond = preset.zip(accelerometer).and_then(|(preset, signal)| {
+        let (peak, range) = (signal.extremes.peak(), preset.datasheet().accelerometer.range);
+        let text = words::beyond_range(peak, range);
+        (peak > BEYOND * range).then(|| of_accelerometer(Cause::BeyondRange, text))
+    });
     let inverted = entries.iter().find(|entry| entry.verdict.is_accepted()).is_some_and(|entry| {
         let force = calibration.correct(&entry.rest.accelerometer.mean);
         force.z < -0.9 * force.norm()
     });
     let inverted = inverted.then(|| of_accelerometer(Cause::Inverted, words::inverted()));
-    repeated.chain(stretched).chain(degrees.or(dead)).chain(relaxing).chain(axes).chain(inverted).collect()
+    repeated
+        .chain(stretched)
+        .chain(beyond)
+        .chain(degrees.or(dead))
+        .chain(relaxing)
+        .chain(axes)
+        .chain(inverted)
+        .collect()
 }
 
 /// Takes back what must not be published.
@@ -113,6 +133,8 @@ pub(super) fn veto(solution: &mut Solution) {
     }
 }
 
+/// A scale that is off, and a bias, take readings a little beyond the nominal range.
+const BEYOND: f64 = 1.2;
 /// No datasheet allows a scale like this.
 const STRETCHED: f64 = 1.4;
 /// Faster than any hand-sized gyroscope measures (±4000 °/s), rad/s.

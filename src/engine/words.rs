@@ -209,6 +209,14 @@ pub(super) fn disagreeing(degrees: f64) -> String {
     )
 }
 
+/// A reading that the sensor cannot give.
+pub(super) fn beyond_range(peak: f64, range: f64) -> String {
+    format!(
+        "reads {peak:.0} m/s², beyond the {range:.0} m/s² that its preset can measure: is the preset the right one, and the \
+         unit m/s²?"
+    )
+}
+
 /// The accelerometer spans far more than gravity.
 pub(super) fn stretched(times: f64) -> String {
     format!(
@@ -254,7 +262,9 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
 /// Parameters that the configuration's bounds hold back.
 pub(super) fn active_bounds(fit: &Estimate) -> Vec<String> {
     let terms = fit.active.iter().filter_map(|&i| fit.shape.terms().get(i));
-    terms.map(|term| format!("{} is held back by its bound: check fit.bounds", parameter(*term))).collect()
+    terms
+        .map(|term| format!("{} is held back by its bound: check fit.bounds and the preset", parameter(*term)))
+        .collect()
 }
 
 /// Why richer models than that of the accelerometer are none.

@@ -25,6 +25,9 @@ pub struct ImuConfig {
     /// The angular rate. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
+    /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds` and `still`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
     /// Further accelerometers that move with this IMU.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub secondary: Vec<SecondaryConfig>,
@@ -42,7 +45,7 @@ pub struct SecondaryConfig {
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// Which sensor it is: its datasheet's limits replace `fit.bounds`.
+    /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
 }

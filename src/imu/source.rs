@@ -80,7 +80,7 @@ impl Source {
     pub(super) fn preset(&self, sensor: Sensor) -> Option<Preset> {
         match sensor {
             Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
-            Sensor::Accelerometer | Sensor::Gyroscope => None,
+            Sensor::Accelerometer | Sensor::Gyroscope => self.config.preset,
         }
     }
 

@@ -258,13 +258,19 @@ fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
             }
         }
     }
-    engine::Config {
+    let preset = imu.triads.iter().find(|t| t.sensor == Sensor::Accelerometer).and_then(|triad| triad.preset);
+    let config = engine::Config {
         name: imu.name.clone(),
         frame_id: imu.frame_id.clone(),
         accelerometer: topic(Sensor::Accelerometer),
         gyroscope: topic(Sensor::Gyroscope),
         secondary,
+        preset: None,
         still: config.still.clone(),
         fit: config.fit.clone(),
+    };
+    match preset {
+        Some(preset) => config.of(preset),
+        None => config,
     }
 }

@@ -1,0 +1,59 @@
+//! What a sensor's datasheet changes in an engine's configuration: what stands at its default. What somebody has set
+//! otherwise stays.
+
+use super::Config;
+use crate::fit::Bounds;
+use crate::imu::{Preset, Promise};
+use crate::still;
+
+/// A bench is noisier than a datasheet: a floor is believed up to so many times the promised noise.
+const BENCH: f64 = 2.0;
+
+impl Config {
+    /// The same for a primary accelerometer and gyroscope of a known kind.
+    pub fn of(mut self, preset: Preset) -> Self {
+        let sheet = preset.datasheet();
+        let (still, bounds) = (still::Config::default(), Bounds::default());
+        let Promise { noise, bias, scale, .. } = sheet.accelerometer;
+        set(&mut self.still.accel_ceiling, still.accel_ceiling, BENCH * noise);
+        set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, [-bias, bias]);
+        set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale);
+        if let Some(Promise { noise, bias, .. }) = sheet.gyroscope {
+            set(&mut self.still.gyro_ceiling, still.gyro_ceiling, BENCH * noise);
+            set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, [-bias, bias]);
+        }
+        self.preset = Some(preset);
+        self
+    }
+}
+
+/// The bounds for a secondary accelerometer of a known kind.
+pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
+    let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
+    let default = Bounds::default();
+    set(&mut bounds.secondary_bias, default.secondary_bias, [-bias, bias]);
+    set(&mut bounds.secondary_scale, default.secondary_scale, scale);
+    bounds
+}
+
+fn set<T: PartialEq>(value: &mut T, default: T, promised: T) {
+    if *value == default {
+        *value = promised;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_set_wins_over_a_preset_and_a_preset_over_the_default() {
+        let mut config = Config::default();
+        config.fit.bounds.accel_scale = [0.9, 1.1];
+        let config = config.of(Preset::Mpu9250);
+        assert_eq!(config.fit.bounds.accel_scale, [0.9, 1.1]);
+        let most = config.fit.bounds.accel_bias[1];
+        assert!((most - 1.74).abs() < 0.01, "{most}");
+        assert!(config.still.gyro_ceiling < still::Config::default().gyro_ceiling);
+    }
+}
