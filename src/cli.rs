@@ -264,10 +264,26 @@ pub struct Simulate {
     pub force: bool,
 }
 
+#[derive(Debug, Args)]
+pub struct Layout {
+    /// The recording, annotated or not yet
+    pub input: PathBuf,
+    /// Where to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
 #[derive(Debug, Subcommand)]
 pub enum Config {
     /// Print the default configuration, every key with its unit and meaning
     Show,
+    /// A layout for Foxglove and Lichtblick, for the topics of a recording
+    Layout(Layout),
     /// Check a configuration file
     Check {
         /// The file

@@ -36,7 +36,7 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
         Command::Man(args) => shell::man(&args),
         Command::Strip(args) => strip::run(&args, json, stop),
         Command::Simulate(args) => simulate::run(&args, json),
-        Command::Config(verb) => config::run(verb, json),
+        Command::Config(verb) => config::run(verb, json, stop),
     };
     done.unwrap_or_else(|error| Code::of(&error))
 }

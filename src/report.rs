@@ -9,6 +9,7 @@ mod export;
 mod findings;
 mod import;
 mod json;
+mod layout;
 mod page;
 mod parameters;
 mod plot;
@@ -22,6 +23,7 @@ pub use export::{Axes, ExportError, Exported, Format, Options, Readings, export}
 pub use findings::Findings;
 pub use import::{ImportError, import};
 pub use json::{drifts, imus, rests};
+pub use layout::{LayoutImu, layout, quoted};
 pub use page::Page;
 pub use parameters::Parameters;
 pub use story::Story;

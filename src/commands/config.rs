@@ -1,16 +1,21 @@
-//! `stillpoint config`: the commented default, and the check of a file.
+//! `stillpoint config`: the commented default, the check of a file, and a layout for viewers.
 
 use serde_json::json;
 use stillpoint::Error;
 use stillpoint::config::Config;
+use stillpoint::imu::{Sensor, Verdict};
+use stillpoint::report::{self, LayoutImu};
+use stillpoint::run::{self, Recording, Stop};
 
-use super::{Code, layer, print, print_json};
+use super::progress::Progress;
+use super::{Code, check_free, configuration, layer, print, print_json, write};
 use crate::cli;
 
-pub fn run(verb: cli::Config, json: bool) -> Result<Code, Error> {
+pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {
     match verb {
         cli::Config::Show if json => print_json(&json!(Config::default()))?,
         cli::Config::Show => print(Config::COMMENTED)?,
+        cli::Config::Layout(args) => layout(&args, stop)?,
         cli::Config::Check { file } => {
             let config = Config::load(&[layer(&file)?])?;
             match json {
@@ -20,4 +25,39 @@ pub fn run(verb: cli::Config, json: bool) -> Result<Code, Error> {
         }
     }
     Ok(Code::Done)
+}
+
+fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
+    let config = configuration(&args.configuration)?;
+    check_free(args.output.as_deref(), args.force)?;
+    let recording = Recording::open(&args.input)?;
+    let channels = {
+        let progress = Progress::new(&recording, stop);
+        run::channels(&recording, &config, &|done| progress.watch(done))?
+    };
+    let imus: Vec<_> = channels.channels.iter().flat_map(imus).collect();
+    if imus.is_empty() {
+        return Err(Error::input(&args.input, "no usable IMU topic; see stillpoint topics"));
+    }
+    write(&format!("{:#}\n", report::layout(&imus)), args.output.as_deref(), args.force)
+}
+
+/// The IMUs whose accelerometer is read from a channel, each with the paths that show its axes.
+fn imus(used: &run::Use) -> Vec<LayoutImu> {
+    let Verdict::Used(uses) = &used.verdict else { return Vec::new() };
+    let accelerometers = uses.iter().filter(|part| part.sensor == Sensor::Accelerometer);
+    accelerometers
+        .map(|part| {
+            // Vectors of px4_msgs are arrays of three, those of all other known types have fields.
+            let axes = if used.schema.starts_with("px4_msgs/") { ["[0]", "[1]", "[2]"] } else { [".x", ".y", ".z"] };
+            let dot = if part.path.is_empty() { "" } else { "." };
+            let at = |topic: &str| axes.map(|axis| format!("{}{dot}{}{axis}", report::quoted(topic), part.path));
+            LayoutImu {
+                name: part.imu.clone(),
+                acceleration: at(&used.channel.topic),
+                corrected: at(&format!("{}/stillpoint/corrected", part.imu)),
+                frame_id: String::new(),
+            }
+        })
+        .collect()
 }

@@ -1,0 +1,26 @@
+// The 95 % intervals of a calibration as lines that a plot can draw. Made by stillpoint config layout.
+import { Input } from "./types";
+
+export const inputs = ["IMU/stillpoint/calibration"];
+export const output = "/studio_script/bandsPLACE";
+
+type Band = { low: number; value: number; high: number };
+type Axes = { x: Band; y: Band; z: Band };
+type Bands = { bias: Axes; scale: Axes };
+type Vector = { x: number; y: number; z: number };
+
+const band = (value: number, std: number): Band => ({ low: value - 1.96 * std, value, high: value + 1.96 * std });
+const axes = (value: Vector, std: Vector): Axes => ({
+  x: band(value.x, std.x),
+  y: band(value.y, std.y),
+  z: band(value.z, std.z),
+});
+
+export default function script(event: Input<"IMU/stillpoint/calibration">): Bands | undefined {
+  const triad = (event.message as any).accelerometer;
+  // 0 is UNDETERMINED: there is nothing to draw.
+  if (!triad || !triad.status || !triad.bias || !triad.scale) {
+    return undefined;
+  }
+  return { bias: axes(triad.bias, triad.bias_std), scale: axes(triad.scale, triad.scale_std) };
+}
