@@ -27,8 +27,10 @@
 //! ```
 
 mod book;
+mod drift;
 mod judge;
 mod observe;
+mod outlier;
 mod preset;
 mod publish;
 mod solve;

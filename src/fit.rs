@@ -5,6 +5,7 @@
 //! temperature); [`Shape`] says what of it is unknown, and every fit is a [`System`] of equations about that.
 
 pub mod accelerometer;
+pub mod contradiction;
 pub mod gyroscope;
 pub mod secondary;
 

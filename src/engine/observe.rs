@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::book::Entry;
 use super::judge::Poses;
+use crate::Stamp;
 use crate::fit::accelerometer::Observation;
 use crate::fit::secondary::Pair;
 use crate::fit::{Calibration, Fixture, Reading, Truth};
@@ -17,27 +18,30 @@ use crate::still::TriadMean;
 pub(super) struct Placed {
     /// The face that it is nearest to.
     pub(super) face: usize,
+    /// When it began.
+    pub(super) start: Stamp,
     pub(super) observation: Observation,
 }
 
 /// The accepted rests, those of one placement as one observation. `step` is the accelerometer's quantisation step.
 pub(super) fn placements(entries: &[Entry], fixture: &Fixture, poses: Poses, step: Option<f64>) -> Vec<Placed> {
-    let mut groups: BTreeMap<_, (usize, Vec<&TriadMean>)> = BTreeMap::new();
+    let mut groups: BTreeMap<_, (usize, Stamp, Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
         let Some(face) = entry.verdict.face() else { continue };
         // Of a placement that hesitates between two faces, each face has its part.
         let part = if poses == Poses::OnFaces { face } else { 0 };
-        let (_, means) = groups.entry((entry.rest.placement, part)).or_insert((face, Vec::new()));
+        let group = groups.entry((entry.rest.placement, part));
+        let (_, _, means) = group.or_insert((face, entry.rest.start, Vec::new()));
         means.push(&entry.rest.accelerometer);
     }
     groups
         .into_iter()
-        .filter_map(|((placement, _), (face, means))| {
+        .filter_map(|((placement, _), (face, start, means))| {
             let normal = fixture.faces().get(face)?.normal;
             let (mean, noise) = pooled(&means);
             // However long a rest, what rounding does to its mean stays.
             let noise = noise + rounding(means.first()?, step);
-            Some(Placed { face, observation: Observation { placement, mean, noise, normal } })
+            Some(Placed { face, start, observation: Observation { placement, mean, noise, normal } })
         })
         .collect()
 }

@@ -162,7 +162,10 @@ pub(super) fn calibration(
 /// Repeats beyond one placement a face are what can contradict a fit.
 fn accelerometer_status(solution: &Solution) -> Status {
     let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
-    status(solution.repeats, fit)
+    match solution.drift.is_some() || !solution.doubts.is_empty() {
+        true => Status::Provisional,
+        false => status(solution.repeats, fit),
+    }
 }
 
 fn status(repeats: usize, fit: &Estimate) -> Status {
@@ -192,6 +195,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     notes.extend(words::residual(fit));
     notes.extend(remarks);
     notes.extend(words::refused(solution));
+    notes.extend(words::caveats(solution, fit, config.fit.placement_std));
     notes.extend(solution.coarse_step.map(words::coarse));
     notes.extend(words::assumed_gravity(solution.gravity));
     Triad {

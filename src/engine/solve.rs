@@ -5,16 +5,18 @@ use nalgebra::Vector3;
 
 use super::Config;
 use super::book::{Entry, Verdict};
+use super::drift::{Drift, drift};
 use super::judge::{Judge, Poses};
 use super::observe::{self, Placed};
+use super::outlier::{self, Doubt, LeftOut, Sound};
 use super::preset::secondary_bounds;
 use super::suspicion::Suspicion;
 use super::words;
-use crate::fit::accelerometer::{Assumptions, Observation};
+use crate::fit::accelerometer::Assumptions;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Model, Place, Shape, Source, accelerometer, directions, guess, gyroscope,
-    secondary,
+    self, Calibration, Estimate, Gravity, Model, Place, Shape, Source, directions, guess, gyroscope, secondary,
 };
+use crate::messages::segment::Reason;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.
@@ -44,6 +46,9 @@ pub(super) struct Solution {
     pub(super) guessed: Calibration,
     /// What speaks against the readings.
     pub(super) suspicions: Vec<Suspicion>,
+    /// What contradicts itself and cannot be decided, in words.
+    pub(super) doubts: Vec<String>,
+    pub(super) drift: Option<Drift>,
 }
 
 /// The gravity to fit with.
@@ -72,7 +77,7 @@ pub(super) fn solve(
     let verdicts: Vec<Verdict> = entries.iter().map(|entry| entry.verdict.clone()).collect();
 
     let mut refused = Vec::new();
-    let mut attempt = Attempt { fit: Err(String::new()), seen: Vec::new(), ups: Vec::new(), poses: Poses::OnFaces };
+    let mut attempt = Attempt::new(Poses::OnFaces);
     for &shape in candidates(config.fit.model) {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
         let trial = Trial { shape, gravity, step, kept: kept == Some(shape) };
@@ -113,6 +118,15 @@ struct Attempt {
     /// Directions of true specific force, as far as is known.
     ups: Vec<Vector3<f64>>,
     poses: Poses,
+    doubts: Vec<Doubt>,
+    drift: Option<Drift>,
+}
+
+impl Attempt {
+    fn new(poses: Poses) -> Self {
+        let fit = Err(String::new());
+        Self { fit, seen: Vec::new(), ups: Vec::new(), poses, doubts: Vec::new(), drift: None }
+    }
 }
 
 /// The faces depend on the calibration and the calibration on the faces, so this goes round until neither changes; a few
@@ -120,7 +134,7 @@ struct Attempt {
 fn attempt(entries: &mut [Entry], judge: &Judge<'_>, trial: &Trial, start: Calibration) -> Attempt {
     const ROUNDS: usize = 4;
     let poses = if trial.shape == Shape::TRIANGULAR { Poses::Any } else { Poses::OnFaces };
-    let mut attempt = Attempt { fit: Err(String::new()), seen: Vec::new(), ups: Vec::new(), poses };
+    let mut attempt = Attempt::new(poses);
     let mut calibration = start;
     let mut before = Vec::new();
     for _ in 0..ROUNDS {
@@ -131,21 +145,43 @@ fn attempt(entries: &mut [Entry], judge: &Judge<'_>, trial: &Trial, start: Calib
         }
         before = verdicts;
         attempt.seen = observe::placements(entries, judge.fixture, poses, trial.step);
-        attempt.fit = fit_accelerometer(&attempt.seen, judge, trial, calibration);
+        let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
+        attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
+            leave_out(entries, &left_out);
+            attempt.doubts.extend(doubts);
+            fit
+        });
         let Ok(fit) = &attempt.fit else { break };
         calibration = fit.calibration();
     }
     let up = |placed: &Placed| calibration.correct(&placed.observation.mean).try_normalize(f64::MIN_POSITIVE);
     attempt.ups = attempt.seen.iter().filter_map(up).collect();
+    if let Ok(fit) = &mut attempt.fit {
+        attempt.doubts.iter().for_each(|doubt| fit.widen(&doubt.moved));
+    }
+    if poses == Poses::OnFaces {
+        attempt.drift = drift(&attempt.seen, judge.fixture, &calibration, judge.fit.placement_std);
+    }
     attempt
 }
 
+/// The rests of placements that contradict the others.
+fn leave_out(entries: &mut [Entry], left_out: &[LeftOut]) {
+    for LeftOut { placement, face, explanation } in left_out {
+        let is_it = |entry: &&mut Entry| entry.rest.placement == *placement && entry.verdict.face() == Some(*face);
+        for entry in entries.iter_mut().filter(is_it).filter(|entry| entry.verdict.is_accepted()) {
+            entry.verdict.reason = Reason::Outlier;
+            entry.verdict.explanation.clone_from(explanation);
+        }
+    }
+}
+
 fn fit_accelerometer(
-    seen: &[Placed],
+    seen: &mut Vec<Placed>,
     judge: &Judge<'_>,
     &Trial { shape, gravity, kept, .. }: &Trial,
     start: Calibration,
-) -> Result<Estimate, String> {
+) -> Result<Sound, String> {
     let config = judge.fit;
     match shape {
         Shape::TRIANGULAR if seen.len() < shape.unknowns() => {
@@ -165,7 +201,6 @@ fn fit_accelerometer(
             }
         }
     }
-    let observations: Vec<Observation> = seen.iter().map(|placed| placed.observation).collect();
     let given = Assumptions {
         shape,
         estimator: config.estimator,
@@ -174,13 +209,14 @@ fn fit_accelerometer(
         bounds: &config.bounds,
         start,
     };
-    let fit = accelerometer::fit(&observations, &given).map_err(|error| error.to_string())?;
+    let sound = outlier::fit_without(seen, &given, judge.fixture).map_err(|error| error.to_string())?;
+    let fit = &sound.fit;
     if !fit.agrees() {
         return Err(format!(
             "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}{}",
             fit.residual_rms,
             fit.residual_limit,
-            words::also(&words::active_bounds(&fit))
+            words::also(&words::active_bounds(fit))
         ));
     }
     let limit = config.max_error * if kept { HYSTERESIS } else { 1.0 };
@@ -193,7 +229,7 @@ fn fit_accelerometer(
             fit.condition
         ));
     }
-    Ok(fit)
+    Ok(sound)
 }
 
 /// A model that was published stays until its worst-case error exceeds the limit by this factor.
@@ -206,7 +242,7 @@ fn others(
     gravity: Gravity,
     step: Option<f64>,
     refused: Vec<(Shape, String)>,
-    Attempt { fit: accelerometer, seen, ups, poses }: Attempt,
+    Attempt { fit: accelerometer, seen, ups, poses, doubts, drift }: Attempt,
 ) -> Solution {
     let primary = accelerometer.as_ref().ok();
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
@@ -230,6 +266,8 @@ fn others(
         coarse_step: step.filter(|&step| observe::is_coarse(entries, step)),
         accelerometer,
         refused,
+        doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
+        drift,
         gyro_placements: rates.len(),
         gyroscope: gyroscope.ok().filter(|_| believed),
         secondary,

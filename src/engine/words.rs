@@ -2,6 +2,7 @@
 
 use super::Config;
 use super::book::Entry;
+use super::drift::Drift;
 use super::publish::CONFIRMING_REPEATS;
 use super::solve::Solution;
 use crate::fit::{Calibration, Estimate, Gravity, Shape, Source, Term};
@@ -29,6 +30,10 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
             missing.join(", ")
         ),
         ([], Err(why), _) => format!("no calibration: {why}. Repeat the {} faces on a flat, firm surface", faces.len()),
+        ([], Ok(_), _) if !solution.doubts.is_empty() => solution.doubts.join("; "),
+        ([], Ok(_), _) if solution.drift.is_some() => {
+            solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
+        }
         ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
         ([], Ok(_), _) if solution.repeats >= CONFIRMING_REPEATS => {
             "repeated placements disagree: place every face once more on a flat, firm surface".to_owned()
@@ -271,6 +276,25 @@ pub(super) fn active_bounds(fit: &Estimate) -> Vec<String> {
 pub(super) fn refused(solution: &Solution) -> Vec<String> {
     let line = |(shape, why): &(Shape, String)| format!("{} is not determined: {why}", model(*shape));
     solution.refused.iter().map(line).collect()
+}
+
+/// What the bars of an accelerometer rest on, and what speaks against them.
+pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -> Vec<String> {
+    let mut caveats = solution.doubts.clone();
+    caveats.extend(solution.drift.as_ref().map(Drift::explanation));
+    if fit.chi2_per_dof.is_none() {
+        caveats.push(format!(
+            "with each face seen once a wrong one would not show: the bars take placements to repeat within {placement_std} m/s² \
+             (fit.placement_std, or the preset's)"
+        ));
+    }
+    if fit.shape == Shape::DIAGONAL {
+        caveats.push(format!(
+            "worst_case_error allows for cross-axis sensitivity, ± {:.1} % an entry, which faces cannot tell from tilt",
+            100.0 * fit.unmodelled_std
+        ));
+    }
+    caveats
 }
 
 /// What a model of an accelerometer is called in the configuration.

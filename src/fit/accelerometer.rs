@@ -131,19 +131,19 @@ fn on_magnitude(
 }
 
 /// One placement's equation ‖S⁻¹(m − b)‖ = g, linearised.
-struct Line {
+pub(super) struct Line {
     /// ‖corrected‖ − g, m/s².
-    residual: f64,
+    pub(super) residual: f64,
     /// ∂‖S⁻¹(m − b)‖/∂m.
-    by_measured: Vector3<f64>,
+    pub(super) by_measured: Vector3<f64>,
     /// The corrected reading.
-    truth: Truth,
+    pub(super) truth: Truth,
     /// Of the residual by noise, (m/s²)².
-    noise: f64,
+    pub(super) noise: f64,
 }
 
 impl Line {
-    fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration) -> Self {
+    pub(super) fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration) -> Self {
         let corrected = calibration.correct(&seen.mean);
         let length = corrected.norm();
         let up = corrected / length.max(f64::MIN_POSITIVE);

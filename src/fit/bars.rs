@@ -14,6 +14,8 @@ pub enum Sharing {
     All,
     /// Those of one axis, since every placement gives an equation of each in turn, and axes differ.
     ByAxis,
+    /// Each axis has unknowns of its own, but placements move all three alike.
+    Common,
 }
 
 /// What the equations of a fit tell of its errors.
@@ -35,13 +37,20 @@ impl Bars {
     pub fn learn(shape: Shape, solved: &Solved, sharing: Sharing, assumed: Assumed) -> Self {
         let blocks: Vec<_> = match sharing {
             Sharing::All => vec![solved.block(shape, None)],
-            Sharing::ByAxis => (0..3).map(|axis| solved.block(shape, Some(axis))).collect(),
+            Sharing::ByAxis | Sharing::Common => (0..3).map(|axis| solved.block(shape, Some(axis))).collect(),
         };
-        let scatter: Vec<_> = blocks.iter().map(|block| Scatter::learn(std::slice::from_ref(block), assumed)).collect();
+        let scatter: Vec<_> = match sharing {
+            Sharing::ByAxis => {
+                blocks.iter().map(|block| Scatter::learn(std::slice::from_ref(block), assumed)).collect()
+            }
+            Sharing::All | Sharing::Common => vec![Scatter::learn(&blocks, assumed)],
+        };
+        let of_block = |i: usize| scatter.get(i).or(scatter.first());
         let (mut squares, mut count) = (0.0, 0);
         let mut leaks = Vec::new();
-        for (block, scatter) in blocks.iter().zip(&scatter) {
-            let leaking = block.leaking(scatter.typical(), assumed.leak);
+        for (i, block) in blocks.iter().enumerate() {
+            let between = of_block(i).map_or(0.0, Scatter::typical);
+            let leaking = block.leaking(between, assumed.leak);
             let credible = leaking.filter(|of| of.leaks.iter().all(|(leak, _)| leak.abs() <= CREDIBLE * assumed.leak));
             squares += credible.as_ref().map_or(&block.residuals, |leaking| &leaking.left).norm_squared();
             count += block.residuals.len();
@@ -113,7 +122,7 @@ impl Bars {
 
     fn of_axis(&self, axis: usize) -> &Scatter {
         match self.sharing {
-            Sharing::All => &self.scatter[0],
+            Sharing::All | Sharing::Common => &self.scatter[0],
             Sharing::ByAxis => &self.scatter[axis],
         }
     }

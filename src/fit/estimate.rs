@@ -61,6 +61,17 @@ impl Estimate {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 
+    /// Allows for parameters that may as well be off by this.
+    pub fn widen(&mut self, moved: &DVector<f64>) {
+        /// Half width of a normal error's 95 % interval over its standard deviation.
+        const NORMAL_95: f64 = 1.96;
+        let doubt = moved * moved.transpose() / NORMAL_95.powi(2);
+        self.covariance += &doubt;
+        if let Some(origin) = &mut self.origin {
+            origin.systematic += &doubt;
+        }
+    }
+
     /// 95 % bound of the error of a corrected reading of an accelerometer at rest, in the direction of gravity where it is
     /// worst, m/s². What the model leaves out of S is in it.
     pub fn worst_case_error(&self, gravity: f64) -> f64 {

@@ -11,7 +11,7 @@
 //! the assumption counts as ever fewer degrees of freedom, and is forgotten once the data have four: a scatter of a third
 //! of what was assumed would otherwise drown in it.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Equations with unknowns of their own; several blocks may share a scatter.
 #[derive(Clone, Debug)]
@@ -63,7 +63,7 @@ const ENOUGH: f64 = 4.0;
 /// So many is what is assumed worth beside the first crumb of redundancy.
 const TRUST: f64 = 12.0;
 /// Levels of the grid.
-const LEVELS: usize = 40;
+const LEVELS: usize = 20;
 /// Half width of a normal error's 95 % interval over its standard deviation.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 
@@ -78,7 +78,7 @@ impl Scatter {
         let prior = assumed.placement * assumed.placement;
         let at_prior = blocks.iter().map(|block| block.likelihood(prior, assumed.leak));
         let Some(at_prior) = at_prior.collect::<Option<Vec<_>>>() else { return Self::assumed(assumed.placement) };
-        let freedom: f64 = at_prior.iter().map(|at| at.freedom).sum();
+        let freedom: f64 = blocks.iter().zip(&at_prior).map(|(block, at)| block.freedom(at, assumed.leak)).sum();
         // Rounding may leave a crumb of a degree.
         if freedom < 0.01 {
             return Self::assumed(assumed.placement);
@@ -86,7 +86,7 @@ impl Scatter {
         let squares: f64 = at_prior.iter().map(|at| at.squares).sum();
         // Everything is thought of in terms of the variance of a typical equation, of which noise is the least.
         let noise = typical_noise(blocks);
-        let trust = TRUST * (1.0 - freedom / ENOUGH).max(0.0).powi(2);
+        let trust = trust(freedom);
         let total = freedom + trust;
         let centre = (noise + prior) * (squares + trust) / total;
         // Wide enough that what lies beyond is improbable by e⁻¹⁴.
@@ -173,14 +173,20 @@ impl Scatter {
     }
 }
 
+/// How many degrees of freedom what is assumed is worth beside so many of the data.
+pub fn trust(freedom: f64) -> f64 {
+    TRUST * (1.0 - freedom / ENOUGH).max(0.0).powi(2)
+}
+
 /// What a block says of one level of scatter.
 struct Likelihood {
     /// Logarithm of the restricted likelihood.
     log: f64,
     /// Weighted sum of squares of what is left over.
     squares: f64,
-    /// The degrees of freedom of that.
-    freedom: f64,
+    /// Of the information matrix, its columns scaled.
+    factor: Cholesky<f64, Dyn>,
+    scale: DVector<f64>,
 }
 
 impl Block {
@@ -213,41 +219,58 @@ impl Block {
         let unknowns = self.design.ncols();
         let leaks = if leak > 0.0 { self.leaks.ncols() } else { 0 };
         let size = unknowns + leaks;
-        let mut information = DMatrix::<f64>::zeros(size, size);
+        // The lower triangle of the information, row by row: this is where a refit spends its time.
+        let mut lower = vec![0.0; size * (size + 1) / 2];
         let mut answer = DVector::<f64>::zeros(size);
-        let (mut log, mut squares) = (0.0, 0.0);
-        let mut row = DVector::<f64>::zeros(size);
+        let mut row = vec![0.0; size];
+        let (mut log, mut product, mut squares) = (0.0, 1.0, 0.0);
         for r in 0..self.residuals.len() {
             let variance = self.gain[r] * between + self.noise[r];
             if variance.is_nan() || variance <= 0.0 {
                 return None;
             }
-            log += libm::log(variance);
-            squares += self.residuals[r] * self.residuals[r] / variance;
-            row.rows_mut(0, unknowns).tr_copy_from(&self.design.row(r));
-            row.rows_mut(unknowns, leaks).tr_copy_from(&self.leaks.columns(0, leaks).row(r));
-            information.ger(1.0 / variance, &row, &row, 1.0);
-            answer.axpy(self.residuals[r] / variance, &row, 1.0);
+            // One logarithm for many variances.
+            product *= variance;
+            if !(1e-200..1e200).contains(&product) {
+                log += libm::log(product);
+                product = 1.0;
+            }
+            let residual = self.residuals[r];
+            squares += residual * residual / variance;
+            row.iter_mut().take(unknowns).enumerate().for_each(|(k, x)| *x = self.design[(r, k)]);
+            row.iter_mut().skip(unknowns).enumerate().for_each(|(k, x)| *x = self.leaks[(r, k)]);
+            let mut entries = lower.iter_mut();
+            for (k, x) in row.iter().enumerate() {
+                let weighted = x / variance;
+                answer[k] += weighted * residual;
+                row[..=k].iter().zip(&mut entries).for_each(|(y, entry)| *entry += weighted * y);
+            }
         }
-        let by_rows = information.clone();
-        for k in unknowns..size {
-            information[(k, k)] += 1.0 / (leak * leak);
-        }
+        log += libm::log(product);
+        let entry = |i: usize, j: usize| lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
+        let prior = |k: usize| if k < unknowns { 0.0 } else { 1.0 / (leak * leak) };
         // Columns may differ by orders of magnitude.
-        let scale = information.diagonal().map(f64::sqrt);
-        let scaled = DMatrix::from_fn(size, size, |i, j| information[(i, j)] / (scale[i] * scale[j]));
+        let scale = DVector::from_fn(size, |k, _| (entry(k, k) + prior(k)).sqrt());
+        let scaled = DMatrix::from_fn(size, size, |i, j| {
+            let prior = if i == j { prior(i) } else { 0.0 };
+            (entry(i, j) + prior) / (scale[i] * scale[j])
+        });
         let factor = scaled.cholesky()?;
-        let determinant: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * libm::log(*d)).sum();
-        let explained = factor.solve(&answer.component_div(&scale)).dot(&answer.component_div(&scale));
-        let inverse = factor.inverse();
-        let used: f64 = (0..size)
-            .flat_map(|i| (0..size).map(move |j| (i, j)))
-            .map(|(i, j)| inverse[(i, j)] * by_rows[(i, j)] / (scale[i] * scale[j]))
-            .sum();
-        let scales: f64 = scale.iter().map(|s| 2.0 * libm::log(*s)).sum();
-        let left = (squares - explained).max(0.0);
-        let freedom = self.residuals.len() as f64 - used;
-        Some(Likelihood { log: -0.5 * (log + determinant + scales + left), squares: left, freedom })
+        let determinant: f64 =
+            factor.l_dirty().diagonal().iter().zip(&scale).map(|(d, s)| 2.0 * libm::log(d * s)).sum();
+        let answer = answer.component_div(&scale);
+        let left = (squares - factor.solve(&answer).dot(&answer)).max(0.0);
+        Some(Likelihood { log: -0.5 * (log + determinant + left), squares: left, factor, scale })
+    }
+
+    /// Degrees of freedom of what is left over.
+    fn freedom(&self, at: &Likelihood, leak: f64) -> f64 {
+        // Every unknown takes one; a leak as much of one as the data tell of it.
+        let inverse = at.factor.inverse();
+        let unknowns = self.design.ncols();
+        let unsaid = |k: usize| inverse[(k, k)] / (at.scale[k] * at.scale[k] * leak * leak);
+        let by_leaks: f64 = (unknowns..at.scale.len()).map(|k| 1.0 - unsaid(k)).sum();
+        self.residuals.len() as f64 - unknowns as f64 - by_leaks
     }
 }
 

@@ -59,7 +59,7 @@ pub fn fit(
     let readings: Vec<_> = pairs.iter().map(reading).collect();
     let assumed = Assumed { placement: assumed_std, leak: MOUNTING };
     let limits = system::limits(shape, |term| bounds.secondary(term));
-    let regression = regress(shape, &readings, assumed, Sharing::All, &limits)?;
+    let regression = regress(shape, &readings, assumed, Sharing::Common, &limits)?;
 
     let solved = &regression.solved;
     // A truth that moves by δ moves the solution like a reading that moves by −S δ. Truths move with the mean of the

@@ -84,7 +84,7 @@ pub struct Solved {
     /// How they answer to the entries of S that the model has no word for, weighted alike.
     pub leaks: DMatrix<f64>,
     /// What the solution left over, weighted.
-    left: DVector<f64>,
+    pub left: DVector<f64>,
     rows: Vec<Row>,
 }
 

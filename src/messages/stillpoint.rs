@@ -298,7 +298,8 @@ pub struct Triad {
     pub scale: ::core::option::Option<Vector3>,
     #[prost(double, repeated, tag = "7")]
     pub sensitivity: ::prost::alloc::vec::Vec<f64>,
-    /// one standard deviation, all causes included
+    /// One standard deviation, all causes included, such that estimate +- 1.96 std is the 95 % interval: where few
+    /// repeated placements tell how far they scatter, Student's quantile is in it.
     #[prost(message, optional, tag = "8")]
     pub bias_std: ::core::option::Option<Vector3>,
     #[prost(message, optional, tag = "9")]
@@ -319,13 +320,14 @@ pub struct Triad {
     /// absent without redundancy
     #[prost(double, optional, tag = "15")]
     pub chi2_per_dof: ::core::option::Option<f64>,
-    /// 95 % bound of the corrected reading's error over all directions of gravity
+    /// Accelerometers, m/s^2: what the error of a corrected reading at rest keeps to with a probability of 95 %, in the
+    /// direction of gravity where it is worst. Entries of S that the model leaves out are in it.
     #[prost(double, optional, tag = "16")]
     pub worst_case_error: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "17")]
     pub condition: ::core::option::Option<f64>,
     /// Of the parameters. Order: bias, then the free entries of S row by row, then g_sensitivity or rate_sensitivity row by
-    /// row, then g2_sensitivity.
+    /// row, then g2_sensitivity. On its diagonal are the squares of the standard deviations above.
     #[prost(double, repeated, tag = "18")]
     pub covariance: ::prost::alloc::vec::Vec<f64>,
     /// active bounds, warnings
