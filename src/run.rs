@@ -5,6 +5,7 @@
 mod ahead;
 mod batch;
 mod channels;
+mod glance;
 mod in_place;
 mod learn;
 mod output;

@@ -157,3 +157,17 @@ fn poses_that_are_no_faces_determine_the_triangular_model_in_protobuf_too() {
     assert_close("bias", vector(&accelerometer["bias"]), [0.1023, 0.0976, 0.3461], 0.03);
     assert_close("scale", diagonal(&accelerometer["sensitivity"]), [1.0039, 1.0034, 1.0069], 4e-3);
 }
+
+#[test]
+fn an_encoding_that_nobody_knows_is_refused_by_name() {
+    let Some(input) = recording("../containers/rosbag2_wrong_rmw_test_0.mcap") else { return };
+    let folder = Folder::new();
+    let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
+    let run = folder.run(arguments);
+    assert_eq!(run.code, 1);
+    assert!(run.error().contains("the encoding wrong_format is not read"), "{}", run.stderr);
+    let run = folder.run(arguments.into_iter().chain(["--allow-no-imu".as_ref(), "--accept-damage".as_ref()])).ok();
+    assert!(run.stderr.contains("the encoding wrong_format is not read"), "{}", run.stderr);
+    folder.say("strip out.mcap -o stripped.mcap").ok();
+    assert!(folder.read("stripped.mcap") == std::fs::read(input).unwrap());
+}

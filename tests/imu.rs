@@ -547,3 +547,17 @@ fn numbers_called_like_axes_are_offered_as_vectors() {
     door.message(1, 1, &message((1, 0), "", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
     assert_eq!(door.samples[0].2.value.as_slice(), [4.0, 5.0, 6.0]);
 }
+
+#[test]
+fn messages_become_samples_without_memory() {
+    let mut intake = Intake::new(&[]);
+    intake.channel(&channel(1, "/imu"), Some(&imu_schema()));
+    let data = imu_message((1, 0), "link");
+    let mut samples = 0;
+    // The first message makes the IMU.
+    intake.message(1, 1, &data, &mut |_, _, _| samples += 1);
+    let memory = allocation_counter::measure(|| {
+        (0..100).for_each(|i| intake.message(1, i, &data, &mut |_, _, _| samples += 1));
+    });
+    assert_eq!((samples, memory.count_total), (202, 0));
+}

@@ -3,7 +3,7 @@
 use console::style;
 use serde_json::{Value, json};
 use stillpoint::Error;
-use stillpoint::imu::{Sensor, Verdict};
+use stillpoint::imu::{ImuConfig, Verdict};
 use stillpoint::run::{self, Access, Channels, Recording, Stop, Use};
 
 use super::progress::Progress;
@@ -35,7 +35,8 @@ fn machine(channels: &Channels) -> Value {
             "hz": channels.rate(used),
             "used": matches!(used.verdict, Verdict::Used(_) | Verdict::Position),
             "verdict": used.verdict.to_string(),
-            "configuration": mapping(used, channels),
+            "remarks": used.remarks,
+            "configuration": used.configuration.as_ref().map(ImuConfig::lines),
         })
     };
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
@@ -54,31 +55,22 @@ fn people(channels: &Channels) -> String {
         let encoding = used.channel.message_encoding.clone();
         table.row([used.channel.topic.clone(), used.messages.to_string(), rate, encoding, used.schema.clone()]);
         table.heading(format!("    {verdict}"));
+        for remark in &used.remarks {
+            table.heading(format!("    {}", style(remark).yellow()));
+        }
     }
     let mut lines = table.lines("");
     for used in &channels.channels {
-        if let Some(mapping) = mapping(used, channels) {
+        if let Some(imu) = &used.configuration {
             lines.push(String::new());
             lines.push(format!(
                 "# To calibrate {}, put these lines into a file and pass it with -c:",
                 used.channel.topic
             ));
-            lines.extend(mapping.lines().map(str::to_owned));
+            lines.extend(imu.lines().lines().map(str::to_owned));
         }
     }
     lines.extend(channels.notes.iter().cloned());
     lines.push(String::new());
     lines.join("\n")
-}
-
-/// The configuration that would map a channel, if the names tell.
-fn mapping(used: &Use, channels: &Channels) -> Option<String> {
-    let Verdict::Other { suggestion: Some(suggestion), .. } = &used.verdict else { return None };
-    // A part of an IMU needs the IMU that it is a part of.
-    let is_primary = |other: &&Use| match &other.verdict {
-        Verdict::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
-        _ => false,
-    };
-    let primary = channels.channels.iter().find(is_primary).map(|primary| primary.channel.topic.as_str());
-    Some(suggestion.config(primary).lines())
 }

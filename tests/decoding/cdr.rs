@@ -29,24 +29,6 @@ pub(super) struct Field {
     list: List,
 }
 
-impl Field {
-    /// Says of every type whether it is final, has no lists but of numbers, and no numbers of eight bytes.
-    pub(super) fn be_explicit(&mut self) {
-        match &mut self.kind {
-            Kind::Number(name @ ("int64" | "uint64" | "float64")) => *name = "float32",
-            Kind::Number(_) => {}
-            Kind::Text | Kind::WideText => self.list = List::No,
-            Kind::Message(fields, evolution) => {
-                self.list = List::No;
-                fields.iter_mut().for_each(Self::be_explicit);
-                if *evolution == Evolution::Unsaid {
-                    *evolution = Evolution::Appendable;
-                }
-            }
-        }
-    }
-}
-
 #[derive(Clone, Copy, Debug)]
 enum List {
     No,
@@ -372,7 +354,7 @@ fn path(text: &str) -> FieldPath {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(super::cases(400))]
 
     #[test]
     fn numbers_and_texts_are_read_as_they_were_written(

@@ -114,7 +114,7 @@ fn schemas() -> [(Language, Vec<u8>, usize); 5] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(600) })]
+    #![proptest_config(super::cases(600))]
 
     #[test]
     fn any_text_is_understood_or_refused(text in schema_text(), message: [u8; 64]) {

@@ -8,7 +8,7 @@ use proptest::strategy::{Strategy as _, ValueTree as _};
 use proptest::test_runner::{Config, TestRng, TestRunner};
 use stillpoint::imu::{Decoder, Layout};
 
-use super::cdr::{Encoder, Field, Language, Wire, described, fields, languages, wires};
+use super::cdr::{Encoder, Language, Wire, described, fields, languages, wires};
 
 #[test]
 fn decoders_that_are_not_ours_read_the_same_numbers() {
@@ -26,14 +26,8 @@ fn decoders_that_are_not_ours_read_the_same_numbers() {
     let mut runner = TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(Default::default()));
     for case in 0..cases {
         let wire: Wire = wires().new_tree(&mut runner).unwrap().current();
-        let mut language: Language = languages().new_tree(&mut runner).unwrap().current();
-        let mut fields = fields(false).new_tree(&mut runner).unwrap().current();
-        if matches!(wire, Wire::Xcdr2 { .. }) {
-            // The one program that reads it takes types for appendable of which the schema does not say so, whatever
-            // the encapsulation, knows nothing of sizes in front of lists, and aligns eight bytes to eight.
-            language = Language::Idl;
-            fields.iter_mut().for_each(Field::be_explicit);
-        }
+        let language: Language = languages().new_tree(&mut runner).unwrap().current();
+        let fields = fields(false).new_tree(&mut runner).unwrap().current();
         let (message_encoding, schema) = described(wire, language, &fields);
         let layout = Layout::new(message_encoding, Some(&schema)).unwrap();
         let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();

@@ -121,7 +121,7 @@ fn a_text_is_read_as_it_is_meant() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(super::cases(400))]
 
     #[test]
     fn numbers_are_read_exactly(bits: u64, integer: i64) {

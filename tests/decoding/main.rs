@@ -10,3 +10,9 @@ mod json;
 mod protobuf;
 mod recordings;
 mod rosmsg;
+
+/// So many cases, unless `PROPTEST_CASES` says how many.
+fn cases(cases: u32) -> proptest::test_runner::Config {
+    let said = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok());
+    proptest::test_runner::Config { cases: said.unwrap_or(cases), failure_persistence: None, ..Default::default() }
+}

@@ -286,7 +286,7 @@ impl Filler {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(200) })]
+    #![proptest_config(super::cases(200))]
 
     #[test]
     fn numbers_are_read_as_they_were_written(fields in fields(), random: u64) {

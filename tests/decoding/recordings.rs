@@ -1,11 +1,11 @@
-//! Every message of the real ROS 2 recordings is decoded to the numbers that `mcap-ros2-support` reads; see
-//! `tests/interop/decode_ros2.py`, which made the expected checksums and checks them.
+//! Every message of the real recordings is decoded to the numbers that programs that are not ours read; see
+//! `tests/interop/decode_recordings.py`, which made the expected checksums and checks them.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use stillpoint::imu::{ImuConfig, Intake, Reading, Sample, SecondaryConfig, Sensor};
+use stillpoint::imu::{Intake, Reading, Sample, Sensor};
 use stillpoint::record;
 
 /// The real recordings, or none where they are absent.
@@ -37,23 +37,46 @@ fn channel(channel: &mcap::Channel<'_>) -> (record::Channel, Option<record::Sche
     (channel, schema)
 }
 
-#[test]
-fn every_message_decodes_to_the_numbers_of_an_independent_reader() {
-    let Some(folder) = recordings() else { return };
-    let highg = SecondaryConfig {
-        name: "highg".into(),
-        topic: Some("/highg/acceleration".into()),
-        ..SecondaryConfig::default()
-    };
-    let config = ImuConfig { topic: "/imu/data_raw".into(), secondary: vec![highg], ..ImuConfig::default() };
-    let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.retain(|path| path.to_string_lossy().ends_with(".ros2.mcap"));
-    files.sort();
+/// What the recordings are, where their types do not tell.
+const MAPPED: &str = r#"
+[[imu]]
+topic = "/imu/data_raw"
+[[imu.secondary]]
+name = "highg"
+topic = "/highg/acceleration"
+[[imu]]
+topic = "/sensors/imu"
+accel = "accel_mps2"
+gyro = "gyro_radps"
+[[imu]]
+topic = "/imu"
+accel = "linear_acceleration"
+gyro = "angular_velocity"
+"#;
 
+/// The recordings in a folder and those below it.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => files.extend(self::files(&path)),
+            false if path.extension().is_some_and(|extension| extension == "mcap") => files.push(path),
+            false => {}
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn every_message_decodes_to_the_numbers_of_independent_readers() {
+    let Some(folder) = recordings() else { return };
+    let config: stillpoint::config::Config = toml::from_str(MAPPED).unwrap();
     let mut found = String::new();
-    for path in files {
+    for path in files(&folder) {
         let bytes = std::fs::read(&path).unwrap();
-        let mut intake = Intake::new(std::slice::from_ref(&config));
+        let mut intake = Intake::new(&config.imu);
         let mut sums: BTreeMap<String, (u64, crc32fast::Hasher)> = BTreeMap::new();
         for message in mcap::MessageStream::new(&bytes).unwrap() {
             let message = message.unwrap();
@@ -75,7 +98,7 @@ fn every_message_decodes_to_the_numbers_of_an_independent_reader() {
             writeln!(found, "{file} {topic} {count} {:08x}", crc.finalize()).unwrap();
         }
     }
-    let expected = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/decode_ros2.expected");
+    let expected = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/decode_recordings.expected");
     assert_eq!(found, std::fs::read_to_string(expected).unwrap());
 }
 

@@ -6,12 +6,17 @@ decoder that reads a channel's encoding must find the same ones, and no others.
 """
 
 import array
+import dataclasses
 import json
 import re
 import sys
+import types
 from collections import Counter
 
 import numpy
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import types as dds
+from cyclonedds.idl.annotations import appendable, final
 from mcap.reader import make_reader
 from mcap.records import Schema
 from mcap_codec import RosCdrCodec
@@ -19,8 +24,12 @@ from mcap_ros1.decoder import DecoderFactory as Ros1
 from mcap_ros2.decoder import DecoderFactory as Ros2
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-# What ROS 2 puts into a message without fields, and the constant of every type, which is no field.
-NO_FIELDS = ("structure_needs_at_least_one_member", "CONSTANT")
+ROOT = "pkg/msg/Root"
+RULE = "=" * 80 + "\n"
+# What ROS 2 puts into a message without fields.
+FILLER = "structure_needs_at_least_one_member"
+# That, and the constant of every type, are no fields.
+NO_FIELDS = (FILLER, "CONSTANT")
 
 
 def leaves(value, path=""):
@@ -43,41 +52,76 @@ def leaves(value, path=""):
 
 
 def names_of(value):
-    return value.__slots__ if hasattr(value, "__slots__") else value.__dataclass_fields__
+    return value.__dataclass_fields__ if dataclasses.is_dataclass(value) else value.__slots__
 
 
-def decoders(channel, schema, plain):
-    """Decoders for a channel, by name; not all read more than plain CDR of the first version."""
+def decoders(channel, schema, identifier):
+    """Decoders for messages of a channel with this encapsulation, by name."""
     text = schema.data.decode()
+    if schema.encoding == "ros2idl":
+        # rosbags reads one file, includes nothing, and takes an octet to have a sign.
+        lines = [line for line in text.splitlines() if not line.startswith(("===", "IDL:", "#"))]
+        known = get_types_from_idl("\n".join(lines).replace("octet", "uint8"))
+    else:
+        known = get_types_from_msg(text, ROOT)
     if channel.message_encoding == "ros1":
         yield "mcap-ros1-support", Ros1().decoder_for("ros1", schema)
-        yield "rosbags", rosbags(get_types_from_msg(text, "pkg/msg/Root"), "deserialize_ros1")
-        return
-    if plain and schema.encoding == "ros2msg":
-        # It wants the types of fields without `msg`.
-        short = Schema(data=text.replace("pkg/msg/", "pkg/").encode(), encoding="ros2msg", id=1, name=schema.name)
-        yield "mcap-ros2-support", Ros2().decoder_for("cdr", short)
-        yield "rosbags", rosbags(get_types_from_msg(text, "pkg/msg/Root"), "deserialize_cdr")
-    if plain and schema.encoding == "ros2idl":
-        # It reads one file, includes nothing, and takes an octet to have a sign.
-        lines = [line for line in text.splitlines() if not line.startswith(("===", "IDL:", "#"))]
-        yield "rosbags", rosbags(get_types_from_idl("\n".join(lines).replace("octet", "uint8")), "deserialize_cdr")
-    text = explicit(text) if schema.encoding == "ros2msg" else text
-    yield "roboto-mcap-codec", RosCdrCodec(schema.encoding, "cdr", text.encode(), schema.name).decode
+        yield "rosbags", rosbags(known, "deserialize_ros1")
+    elif identifier > 1:
+        # All the others know of the second version is wrong: sizes in front of lists, alignment of eight bytes.
+        yield "cyclonedds", cyclonedds(known, text, appendable if identifier > 7 else final)
+    else:
+        yield "rosbags", rosbags(known, "deserialize_cdr")
+        if schema.encoding == "ros2msg":
+            # mcap-ros2-support wants the types of fields without `msg`.
+            short = Schema(data=text.replace("pkg/msg/", "pkg/").encode(), encoding="ros2msg", id=1, name=schema.name)
+            yield "mcap-ros2-support", Ros2().decoder_for("cdr", short)
+            text = explicit(text)
+        yield "roboto-mcap-codec", RosCdrCodec(schema.encoding, "cdr", text.encode(), schema.name).decode
 
 
 def explicit(text):
     """The text with the byte that ROS 2 puts into a message without fields, of which not everybody knows."""
-    sections = text.split("=" * 80 + "\n")
+    sections = text.split(RULE)
     is_empty = [not re.search(r"^[\w/]+(\[.*\])? f\d", section, re.M) for section in sections]
-    filler = "uint8 structure_needs_at_least_one_member\n"
-    return ("=" * 80 + "\n").join(s + filler if empty else s for s, empty in zip(sections, is_empty))
+    return RULE.join(s + f"uint8 {FILLER}\n" if empty else s for s, empty in zip(sections, is_empty))
 
 
-def rosbags(types, deserialize):
+def rosbags(known, deserialize):
     store = get_typestore(Stores.EMPTY)
-    store.register(types)
-    return lambda data: getattr(store, deserialize)(data, "pkg/msg/Root")
+    store.register(known)
+    return lambda data: getattr(store, deserialize)(data, ROOT)
+
+
+def cyclonedds(known, text, unsaid):
+    """Types of Cyclone DDS with the fields that rosbags understood; `unsaid` are those without annotation."""
+    said = {name: {"final": final, "appendable": appendable}[kind] for kind, name in re.findall(r"@(final|appendable) struct (\w+)", text)}
+    base = {"bool": bool, "string": str, "byte": dds.uint8, "char": dds.uint8} | {
+        name: getattr(dds, name) for name in "int8 uint8 int16 uint16 int32 uint32 int64 uint64 float32 float64".split()
+    }
+    made = {}
+
+    def kind(described):
+        node, of = described
+        match node.name:
+            case "BASE":
+                return base[of[0]]
+            case "NAME":
+                return struct(of)
+            case "ARRAY":
+                return dds.array[kind(of[0]), of[1]]
+            case "SEQUENCE":
+                return dds.sequence[kind(of[0])]
+
+    def struct(name):
+        if name not in made:
+            fields = {field: kind(described) for field, described in known[name][1]} or {FILLER: dds.uint8}
+            short = name.rsplit("/", 1)[1]
+            new = types.new_class(short, (IdlStruct,), {"typename": short}, lambda body: body.update(__annotations__=fields))
+            made[name] = said.get(short, unsaid)(dataclasses.dataclass(new))
+        return made[name]
+
+    return struct(ROOT).deserialize
 
 
 def main(recording, numbers):
@@ -86,11 +130,11 @@ def main(recording, numbers):
     with open(recording, "rb") as file:
         for (schema, channel, message), ours in zip(make_reader(file).iter_messages(), expected, strict=True):
             identifier = message.data[1] if channel.message_encoding == "cdr" else None
-            for name, decode in decoders(channel, schema, identifier in (0, 1)):
+            for name, decode in decoders(channel, schema, identifier):
                 where = f"{name}, {channel.topic}, {schema.encoding}, encapsulation {identifier}"
                 try:
                     theirs = dict(leaves(decode(message.data)))
-                except ValueError as error:
+                except Exception as error:
                     sys.exit(f"{where}: {error}\n{schema.data.decode()}\n{message.data.hex()}")
                 differing = {p: (ours.get(p), theirs.get(p)) for p in ours.keys() | theirs.keys() if ours.get(p) != theirs.get(p)}
                 if differing:

@@ -1,0 +1,195 @@
+//! A look at the first readings of a triad: in which unit they seem to be, and whether two triads read the same. It
+//! guesses and says so; nothing is converted.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{AccelUnit, RateUnit, Sample, Sensor};
+use crate::Stamp;
+
+/// The first readings of a triad.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Peek(Vec<Sample>);
+
+/// What the readings of an accelerometer, or a gyroscope, seem to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Looks {
+    /// As configured.
+    Right,
+    /// In another unit that can be configured.
+    Accel(AccelUnit),
+    /// In another unit that can be configured.
+    Rate(RateUnit),
+    /// In thousandths of a unit: of m/s² or of g.
+    Thousandths(AccelUnit),
+    /// Nothing can be told: too few readings, or never at rest.
+    Unknown,
+}
+
+/// How two accelerometers with the same stamps read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// The same, value for value.
+    Same,
+    /// One is a matrix times the other, and an offset.
+    Affine,
+}
+
+/// Readings that are looked at.
+const MOST: usize = 1000;
+
+/// Readings of the quietest of which one may hope that it is at rest.
+const WINDOW: usize = 50;
+
+/// Standard gravity, m/s².
+const G: f64 = 9.80665;
+
+impl Peek {
+    /// Takes a reading.
+    pub fn push(&mut self, sample: Sample) {
+        if self.wants_more() {
+            self.0.push(sample);
+        }
+    }
+
+    /// Whether there are too few readings yet.
+    pub fn wants_more(&self) -> bool {
+        self.0.len() < MOST
+    }
+
+    /// How large the readings are where they vary least.
+    pub fn at_rest(&self) -> Option<f64> {
+        let spread = |window: &&[Sample]| {
+            let mean = mean(window);
+            window.iter().map(|sample| (sample.value - mean).norm_squared()).sum::<f64>()
+        };
+        let windows = self.0.chunks_exact(WINDOW.min(self.0.len().max(1)));
+        let quietest = windows.min_by(|a, b| spread(a).total_cmp(&spread(b)))?;
+        Some(mean(quietest).norm())
+    }
+
+    /// What the readings, taken in m/s² or rad/s, seem to be.
+    pub fn looks(&self, sensor: Sensor) -> Looks {
+        let Some(rest) = self.at_rest() else { return Looks::Unknown };
+        let is_near = |unit: f64| (0.85 * unit..1.15 * unit).contains(&rest);
+        if sensor != Sensor::Gyroscope {
+            return match () {
+                () if is_near(G) => Looks::Right,
+                () if is_near(1.0) => Looks::Accel(AccelUnit::StandardGravity),
+                () if is_near(G * G) => Looks::Accel(AccelUnit::MetresPerSecondSquared),
+                () if is_near(1000.0 * G) => Looks::Thousandths(AccelUnit::MetresPerSecondSquared),
+                () if is_near(1000.0) => Looks::Thousandths(AccelUnit::StandardGravity),
+                () => Looks::Unknown,
+            };
+        }
+        // No gyroscope turns at more than 4000 °/s, nor has it an offset of 20 °/s (0.35 rad/s) at rest.
+        let largest = self.0.iter().map(|sample| sample.value.norm()).fold(0.0, f64::max);
+        if largest > 70.0 || rest > 0.35 { Looks::Rate(RateUnit::DegreesPerSecond) } else { Looks::Unknown }
+    }
+
+    /// How this triad relates to another, if both have the same stamps and enough readings that differ.
+    pub fn relation(&self, other: &Self) -> Option<Relation> {
+        let pairs: Vec<_> = self.0.iter().filter_map(|a| other.at(a.stamp).map(|b| (a.value, b))).collect();
+        let fewer = self.0.len().min(other.0.len());
+        if pairs.len() < WINDOW || pairs.len() * 10 < fewer * 9 {
+            return None;
+        }
+        if pairs.iter().all(|(a, b)| a == b) {
+            return Some(Relation::Same);
+        }
+        is_affine(&pairs).then_some(Relation::Affine)
+    }
+
+    fn at(&self, stamp: Stamp) -> Option<Vector3<f64>> {
+        // Stamps mostly increase; where they do not, a reading may be missed.
+        let at = self.0.binary_search_by_key(&stamp, |sample| sample.stamp).ok()?;
+        self.0.get(at).map(|sample| sample.value)
+    }
+}
+
+fn mean(samples: &[Sample]) -> Vector3<f64> {
+    samples.iter().map(|sample| sample.value).sum::<Vector3<f64>>() / samples.len().max(1) as f64
+}
+
+/// Whether least squares explain all but a thousandth of the second vectors' deviation by the first.
+fn is_affine(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> bool {
+    let n = pairs.len() as f64;
+    let (a, b) = pairs.iter().fold((Vector3::zeros(), Vector3::zeros()), |(a, b), pair| (a + pair.0, b + pair.1));
+    let (mean_a, mean_b) = (a / n, b / n);
+    let mut within = Matrix3::zeros();
+    let mut between = Matrix3::zeros();
+    for (a, b) in pairs {
+        let (a, b) = (a - mean_a, b - mean_b);
+        within += a * a.transpose();
+        between += b * a.transpose();
+    }
+    let Some(inverse) = within.try_inverse() else { return false };
+    let map = between * inverse;
+    let left = pairs.iter().map(|(a, b)| ((b - mean_b) - map * (a - mean_a)).norm_squared()).sum::<f64>();
+    let all = pairs.iter().map(|(_, b)| (b - mean_b).norm_squared()).sum::<f64>();
+    all > 0.0 && left <= 1e-6 * all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peek(value: impl Fn(f64) -> [f64; 3]) -> Peek {
+        let mut peek = Peek::default();
+        for i in 0..1500 {
+            let value = value(f64::from(i)).into();
+            peek.push(Sample { stamp: Stamp::from_nanos(i64::from(i) * 10), log_time: 0, value });
+        }
+        peek
+    }
+
+    fn noise(i: f64, k: f64) -> f64 {
+        (i * k).sin() * 0.02
+    }
+
+    #[test]
+    fn units_are_told_from_the_quietest_readings() {
+        let shaken = |scale: f64| {
+            peek(move |i| {
+                let shake = if (400.0..600.0).contains(&i) { 0.0 } else { (i * 0.7).sin() * 20.0 };
+                [(noise(i, 1.3) + shake) * scale, noise(i, 2.1) * scale, (G + shake) * scale]
+            })
+        };
+        assert_eq!(shaken(1.0).looks(Sensor::Accelerometer), Looks::Right);
+        assert_eq!(shaken(1.0 / G).looks(Sensor::Accelerometer), Looks::Accel(AccelUnit::StandardGravity));
+        assert_eq!(shaken(G).looks(Sensor::Accelerometer), Looks::Accel(AccelUnit::MetresPerSecondSquared));
+        let thousandths = Looks::Thousandths(AccelUnit::StandardGravity);
+        assert_eq!(shaken(1000.0 / G).looks(Sensor::Secondary(0)), thousandths);
+        assert_eq!(shaken(0.3).looks(Sensor::Accelerometer), Looks::Unknown);
+        assert_eq!(Peek::default().looks(Sensor::Accelerometer), Looks::Unknown);
+    }
+
+    #[test]
+    fn a_gyroscope_in_degrees_is_told_by_its_offset_or_its_turns() {
+        let degrees = Looks::Rate(RateUnit::DegreesPerSecond);
+        assert_eq!(peek(|i| [0.6, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), degrees);
+        assert_eq!(
+            peek(|i| [if i > 900.0 { 90.0 } else { 0.01 }, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope),
+            degrees
+        );
+        assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), Looks::Unknown);
+    }
+
+    #[test]
+    fn a_copy_and_a_corrected_twin_are_told_from_another_sensor() {
+        let raw = |i: f64| Vector3::new(noise(i, 1.3), noise(i, 2.1), G + noise(i, 3.7));
+        let map = Matrix3::new(1.01, 0.002, 0.0, -0.001, 0.98, 0.01, 0.0, 0.0, 1.02);
+        let this = peek(|i| raw(i).into());
+        assert_eq!(this.relation(&peek(|i| raw(i).into())), Some(Relation::Same));
+        let corrected = peek(|i| (map * raw(i) + Vector3::new(0.1, -0.2, 0.3)).into());
+        assert_eq!(this.relation(&corrected), Some(Relation::Affine));
+        assert_eq!(corrected.relation(&this), Some(Relation::Affine));
+        assert_eq!(this.relation(&peek(|i| raw(i * 1.1).into())), None);
+        let mut later = Peek::default();
+        (0..1000).for_each(|i| {
+            let value = raw(f64::from(i));
+            later.push(Sample { stamp: Stamp::from_nanos(i64::from(i) * 10 + 5), log_time: 0, value });
+        });
+        assert_eq!(this.relation(&later), None);
+        assert_eq!(peek(|_| [0.0, 0.0, G]).relation(&peek(|_| [0.1, 0.0, G])), None);
+    }
+}
