@@ -16,6 +16,8 @@ pub use config::{Corrected, EncodingChoice, OutputConfig};
 pub use encoding::Encoding;
 pub use read::{ReadError, read};
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::{Event, Message};
 use crate::record::{Annotation, Block, Topic};
 use block::OpenBlock;
@@ -34,7 +36,7 @@ use block::OpenBlock;
 /// assert_eq!(block.annotations.len(), 1);
 /// assert_eq!(annotator.topics()[0].name, "/imu/data/stillpoint/stillness");
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Annotator {
     encoding: Encoding,
     topics: Vec<Topic>,
@@ -68,6 +70,11 @@ impl Annotator {
     /// To be called at the end of each chunk of the input, and after each of its messages outside chunks.
     pub fn input_chunk_ended(&mut self) -> Option<Block> {
         if self.open.is_urgent() { self.open.close() } else { None }
+    }
+
+    /// The annotations of the block that is still open.
+    pub fn open(&self) -> &[Annotation] {
+        self.open.annotations()
     }
 
     /// The last block.

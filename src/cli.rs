@@ -1,6 +1,8 @@
 //! What the user typed. What it means is left to the [`commands`](crate::commands).
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
@@ -32,6 +34,10 @@ const EXIT_CODES: &str = "Exit codes:
 pub enum Command {
     /// Find the rests, learn the calibration, and write both into a copy of the recording
     Annotate(Annotate),
+    /// Annotate a recording while it is recorded
+    Tail(Tail),
+    /// Annotate every recording that appears in a directory, as a service
+    Watch(Watch),
     /// What could be calibrated in a recording, and why not the rest
     Topics(Topics),
     /// What was learned from a recording, on the terminal or as a page to look at
@@ -53,7 +59,7 @@ pub enum Command {
     Man(Man),
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Configuration {
     /// Configuration file (TOML)
     #[arg(short, long, value_name = "FILE")]
@@ -112,6 +118,97 @@ pub struct Annotate {
     pub against: Against,
     #[command(flatten)]
     pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Tail {
+    /// The recording; it may not be there yet
+    pub input: PathBuf,
+    /// Where to write [default: INPUT's name with .annotated.mcap]. Until then, its name with .stillpoint.mcap grows
+    #[arg(short, long, value_name = "OUT")]
+    pub output: Option<PathBuf>,
+    /// A recording that does not grow for so long was given up by its recorder [default: 60s]. When given, one that
+    /// does not begin for so long is an error
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub idle_timeout: Option<Duration>,
+    /// How often to look whether it has grown
+    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
+    pub poll: Duration,
+    /// Keep the annotations as a file of their own beside the annotated recording
+    #[arg(long)]
+    pub keep_sidecar: bool,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Also write a result when no topic is an IMU
+    #[arg(long)]
+    pub allow_no_imu: bool,
+    /// Exit with 4 unless every IMU got an accelerometer calibration
+    #[arg(long)]
+    pub require_calibration: bool,
+    /// Exit with 0 when the recording was damaged or never finished
+    #[arg(long)]
+    pub accept_damage: bool,
+    /// Wait until the output is on the device
+    #[arg(long)]
+    pub sync: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+#[derive(Debug, Args)]
+pub struct Watch {
+    /// Where recordings appear, in its folders too
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Folder to write into, under the same names and folders [default: beside the recordings]
+    #[arg(long, value_name = "DIR")]
+    pub out_dir: Option<PathBuf>,
+    /// Serve /healthz, /readyz and Prometheus /metrics here; without an address, on this machine alone
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464")]
+    pub metrics: Option<SocketAddr>,
+    /// How often to look through the directory
+    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "1s")]
+    pub interval: Duration,
+    /// A recording that does not grow for so long was given up by its recorder
+    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "60s")]
+    pub idle_timeout: Duration,
+    /// How often to look whether a recording has grown
+    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
+    pub poll: Duration,
+    /// Growing recordings that are followed at a time
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = at_least_one)]
+    pub growing: usize,
+    /// Finished recordings that are worked on at a time [default: one a core]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    pub jobs: Option<usize>,
+    /// Keep the annotations as files of their own beside the annotated recordings
+    #[arg(long)]
+    pub keep_sidecar: bool,
+    /// Wait until each output is on the device
+    #[arg(long)]
+    pub sync: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|&number| number > 0).ok_or_else(|| "expected a number from 1 on".to_owned())
+}
+
+/// `500ms`, `30s`, `5min`, `2h`; a bare number is in seconds.
+fn duration(text: &str) -> Result<Duration, String> {
+    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
+    let seconds = match unit {
+        "ms" => 1e-3,
+        "" | "s" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(format!("`{unit}` is no unit of time; write 500ms, 30s, 5min or 2h")),
+    };
+    let number = text.strip_suffix(unit).and_then(|number| number.parse::<f64>().ok());
+    let duration = number.and_then(|number| Duration::try_from_secs_f64(number * seconds).ok());
+    duration.filter(|duration| !duration.is_zero()).ok_or_else(|| "expected a time such as 30s".to_owned())
 }
 
 #[derive(Debug, Args)]

@@ -8,10 +8,14 @@ mod progress;
 mod report;
 mod shell;
 mod simulate;
+mod stream;
 mod strip;
 mod summary;
 mod table;
+mod tail;
 mod topics;
+mod view;
+mod watch;
 
 use std::io::{ErrorKind, Write as _};
 use std::path::Path;
@@ -28,6 +32,8 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
     let json = cli.json;
     let done = match cli.command {
         Command::Annotate(args) => annotate::run(&args, json, stop),
+        Command::Tail(args) => tail::run(&args, json, stop),
+        Command::Watch(args) => watch::run(&args, json, stop),
         Command::Topics(args) => topics::run(&args, json, stop),
         Command::Export(args) => export::run(&args, stop),
         Command::Import(args) => import::run(&args),

@@ -53,7 +53,7 @@ use crate::fit::{self, Fixture, Place};
 use crate::imu::{Preset, Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
-use crate::still::{self, Outcome, Segmenter, State};
+use crate::still::{self, Outcome, Segmenter, State, Status};
 
 /// Something that was learned, and when it was known.
 #[derive(Clone, Debug, PartialEq)]
@@ -198,6 +198,11 @@ impl Engine {
     /// The gyroscope turned out to be on this topic.
     pub fn gyroscope_on(&mut self, topic: &str) {
         topic.clone_into(&mut self.config.gyroscope);
+    }
+
+    /// Whether the IMU rests, and what that is judged by.
+    pub fn status(&self) -> Status {
+        self.segmenter.status()
     }
 
     /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.

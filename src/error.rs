@@ -45,12 +45,21 @@ pub enum Error {
     /// A signal asked to stop.
     #[error("stopped on request; nothing was left behind")]
     Stopped,
+    /// A signal asked to stop, and what was done is kept.
+    #[error("stopped on request; the same command goes on from here")]
+    Paused,
 }
 
 impl Error {
     /// A refusal of the system, with what was attempted on which path.
     pub fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io { doing, path: path.to_owned(), source }
+    }
+
+    /// Whether there is no room for what is to be written.
+    pub fn is_full(&self) -> bool {
+        use io::ErrorKind::{QuotaExceeded, StorageFull};
+        matches!(self, Self::Io { source, .. } if matches!(source.kind(), StorageFull | QuotaExceeded))
     }
 
     /// An input that cannot be worked on.

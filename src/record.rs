@@ -26,7 +26,7 @@ pub use error::Error;
 pub use fold::{Fold, Piece, Tail};
 pub use inventory::Inventory;
 pub use own::{Kind, Original, recognise, recognise_scanned};
-pub use scan::{Damage, Event, Scan, Supply};
+pub use scan::{Damage, Event, Position, Scan, Supply};
 pub use sidecar::Sidecar;
 pub use walk::ReadAt;
 

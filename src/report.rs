@@ -22,7 +22,7 @@ pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, Readings, export};
 pub use findings::Findings;
 pub use import::{ImportError, import};
-pub use json::{drifts, imus, rests};
+pub use json::{coverage, drifts, imus, rests, triad};
 pub use layout::{LayoutImu, layout, quoted};
 pub use page::Page;
 pub use parameters::Parameters;

@@ -3,27 +3,40 @@
 //! What the bytes mean is left to the layers beneath, which know none of these.
 
 mod ahead;
+mod appending;
 mod batch;
 mod channels;
+mod checkpoint;
 mod glance;
+mod growing;
 mod in_place;
 mod learn;
+mod metrics;
+mod news;
 mod output;
 mod partial;
 mod read_back;
 mod recording;
+mod serve;
 mod spill;
 mod stop;
 mod story;
 mod strip;
+mod tail;
+mod watch;
 
 pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use channels::{Channels, Use, channels};
 pub use in_place::Access;
+pub use metrics::Metrics;
+pub use news::{Ending, News, Progress, Tell};
 pub use output::Written;
 pub use partial::Partial;
 pub use read_back::findings;
 pub use recording::{Listener, Recording, Watch};
+pub use serve::serve;
 pub use stop::Stop;
 pub use story::{Stories, stories};
 pub use strip::strip;
+pub use tail::{Following, Tailed, sidecar_of, tail};
+pub use watch::{Verdict, Watching, watch};

@@ -82,13 +82,13 @@ proptest! {
     #[test]
     fn a_protobuf_annotation_is_read_back_as_the_message_it_was(message in arbitrary::message()) {
         let (topic, annotation) = alone(Encoding::Protobuf, message.clone());
-        prop_assert_eq!(read(&topic.schema_name, topic.message_encoding, &annotation.data), Ok(message));
+        prop_assert_eq!(read(&topic.schema_name, &topic.message_encoding, &annotation.data), Ok(message));
     }
 
     #[test]
     fn a_ros_2_annotation_read_back_says_the_same(message in arbitrary::message()) {
         let (topic, annotation) = alone(Encoding::Ros2, message);
-        let back = read(&topic.schema_name, topic.message_encoding, &annotation.data).unwrap();
+        let back = read(&topic.schema_name, &topic.message_encoding, &annotation.data).unwrap();
         prop_assert_eq!(alone(Encoding::Ros2, back).1, annotation);
     }
 
@@ -103,12 +103,12 @@ proptest! {
             let (topic, Annotation { mut data, .. }) = alone(encoding, message.clone());
             if encoding == Encoding::Ros2 {
                 let cut = &data[..cut.index(data.len())];
-                prop_assert!(read(&topic.schema_name, topic.message_encoding, cut).is_err());
+                prop_assert!(read(&topic.schema_name, &topic.message_encoding, cut).is_err());
             }
             if !data.is_empty() {
                 let at = at.index(data.len());
                 data[at] = byte;
-                let _ = read(&topic.schema_name, topic.message_encoding, &data);
+                let _ = read(&topic.schema_name, &topic.message_encoding, &data);
             }
         }
     }
@@ -133,7 +133,7 @@ fn what_is_absent_in_ros_2_is_absent_again_when_read_back() {
     let calibration = Calibration { gyroscope: Some(gyroscope), ..Calibration::default() };
     let message = Message::Calibration(Box::new(calibration));
     let (topic, annotation) = alone(Encoding::Ros2, message.clone());
-    assert_eq!(read(&topic.schema_name, topic.message_encoding, &annotation.data), Ok(message));
+    assert_eq!(read(&topic.schema_name, &topic.message_encoding, &annotation.data), Ok(message));
 }
 
 #[test]
@@ -207,14 +207,16 @@ fn every_topic_has_the_name_and_types_of_the_contract() {
             pair("/stillpoint/log", "rcl_interfaces/msg/Log"),
         ]
     );
-    assert!(ros2.iter().all(|topic| (topic.schema_encoding, topic.message_encoding) == ("ros2msg", "cdr")));
+    assert!(ros2.iter().all(|topic| (&*topic.schema_encoding, &*topic.message_encoding) == ("ros2msg", "cdr")));
     let (protobuf, _) = annotate(Encoding::Protobuf, &events, false);
     let schemas: Vec<_> = protobuf.iter().map(|topic| topic.schema_name.as_str()).collect();
     assert_eq!(
         schemas,
         ["stillpoint.Stillness", "stillpoint.Segment", "stillpoint.Coverage", "stillpoint.Calibration", "foxglove.Log"]
     );
-    assert!(protobuf.iter().all(|topic| (topic.schema_encoding, topic.message_encoding) == ("protobuf", "protobuf")));
+    assert!(
+        protobuf.iter().all(|topic| (&*topic.schema_encoding, &*topic.message_encoding) == ("protobuf", "protobuf"))
+    );
 }
 
 #[test]
@@ -276,8 +278,8 @@ fn write(path: &Path, encoding: Encoding, events: &[(&str, Event)]) {
     let ids: Vec<u16> = topics
         .iter()
         .map(|topic| {
-            let schema = writer.add_schema(&topic.schema_name, topic.schema_encoding, &topic.schema).unwrap();
-            writer.add_channel(schema, &topic.name, topic.message_encoding, &BTreeMap::new()).unwrap()
+            let schema = writer.add_schema(&topic.schema_name, &topic.schema_encoding, &topic.schema).unwrap();
+            writer.add_channel(schema, &topic.name, &topic.message_encoding, &BTreeMap::new()).unwrap()
         })
         .collect();
     for annotation in blocks.iter().flat_map(|block| &block.annotations) {

@@ -1,5 +1,7 @@
 //! The block being filled, and the rule for when it is full. What becomes of a block is left to whoever takes it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::record::{Annotation, Block};
 
 /// Longest span of log time of a block, in nanoseconds: readers in log-time order keep a block that overlaps others.
@@ -9,7 +11,7 @@ const MAX_SPAN: u64 = 5_000_000_000;
 const MAX_BYTES: usize = 256 << 10;
 
 /// A block that is not closed yet.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct OpenBlock {
     block: Block,
     bytes: usize,
@@ -30,6 +32,11 @@ impl OpenBlock {
         self.urgent |= urgent;
         self.block.annotations.push(annotation);
         closed
+    }
+
+    /// What it holds.
+    pub fn annotations(&self) -> &[Annotation] {
+        &self.block.annotations
     }
 
     /// Whether it holds something that readers wait for.

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use prost::{Message as _, Name};
 use prost_reflect::{DescriptorPool, DynamicMessage, FileDescriptor, MessageDescriptor};
 use prost_types::FileDescriptorSet;
+use serde::{Deserialize, Serialize};
 
 use super::{log, ros2, ros2msg};
 use crate::engine::Message;
@@ -13,7 +14,7 @@ use crate::messages::DESCRIPTORS;
 use crate::record::Topic;
 
 /// How annotations are encoded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Encoding {
     /// CDR with `ros2msg` schemas, types `stillpoint_msgs/msg/…`.
     Ros2,
@@ -33,6 +34,7 @@ impl Encoding {
             Self::Protobuf => ("protobuf", "protobuf"),
             Self::Ros2 => ("ros2msg", "cdr"),
         };
+        let (schema_encoding, message_encoding) = (schema_encoding.to_owned(), message_encoding.to_owned());
         Topic { name, schema_name, schema_encoding, schema, message_encoding }
     }
 

@@ -29,7 +29,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                     info!("{}", input.display());
                 }
                 say(output, &report, written, earlier.as_deref());
-                code(args, &report)
+                code(&report, args.require_calibration, args.accept_damage)
             }
             Err(error) => {
                 if json {
@@ -71,7 +71,7 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
 }
 
 /// Annotating what was annotated before replaces the annotations, so that its name stays.
-fn default_output(input: &Path, folder: Option<&Path>, sidecar: bool) -> PathBuf {
+pub fn default_output(input: &Path, folder: Option<&Path>, sidecar: bool) -> PathBuf {
     let stem = input.file_stem().unwrap_or_default().to_string_lossy();
     let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
     let name = format!("{stem}.{}.mcap", if sidecar { "stillpoint" } else { "annotated" });
@@ -98,18 +98,19 @@ fn one(
     run::annotate(&recording, output, config, options, &|done| progress.watch(done))
 }
 
-fn code(args: &cli::Annotate, report: &Report) -> Code {
+/// The exit code of a recording that was done.
+pub fn code(report: &Report, require_calibration: bool, accept_damage: bool) -> Code {
     let calibrated = !report.imus.is_empty() && report.imus.iter().all(|imu| imu.is_calibrated());
-    if args.require_calibration && !calibrated {
+    if require_calibration && !calibrated {
         Code::Uncalibrated
-    } else if report.damages > 0 && !args.accept_damage {
+    } else if report.damages > 0 && !accept_damage {
         Code::Damaged
     } else {
         Code::Done
     }
 }
 
-fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
+pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
     let damage = report
         .damage
         .iter()
@@ -128,7 +129,7 @@ fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findin
     result
 }
 
-fn say(output: &Path, report: &Report, written: Written, earlier: Option<&[Findings]>) {
+pub fn say(output: &Path, report: &Report, written: Written, earlier: Option<&[Findings]>) {
     for (reason, topics) in skipped(report) {
         warn!("{}: {reason}", topics.join(", "));
     }

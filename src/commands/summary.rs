@@ -5,6 +5,7 @@ use console::{measure_text_width, style};
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Face, Segment, Triad, Vector3};
 use stillpoint::report::{Change, Findings, drift, estimate, model};
+use stillpoint::still;
 
 use super::table::Table;
 
@@ -24,6 +25,43 @@ pub fn imu(findings: &Findings, earlier: Option<&[Findings]>) -> String {
         lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
     }
     lines.join("\n")
+}
+
+/// One IMU while it is followed: as [`imu`], with its state instead of what was rejected.
+pub fn live(findings: &Findings, status: &still::Status) -> Vec<String> {
+    let mut lines = vec![format!("{}  {}", heading(findings), state(status)), rests(findings)];
+    if let Some(coverage) = &findings.coverage {
+        lines.extend(wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
+        lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
+    }
+    lines.extend(calibration(findings));
+    lines
+}
+
+/// Length of a rest, in seconds.
+pub fn seconds(rest: &Segment) -> f64 {
+    nanos(&rest.end).saturating_sub(nanos(&rest.start)) as f64 * 1e-9
+}
+
+fn state(status: &still::Status) -> String {
+    let state = match status.state {
+        still::State::Unknown => style("UNKNOWN").for_stderr().yellow(),
+        still::State::Moving => style("MOVING").for_stderr().cyan(),
+        still::State::Still => style("STILL").for_stderr().green(),
+    };
+    let floor = |floor: Option<f64>, digits: usize, unit: &str| {
+        floor.map_or_else(|| format!("none {unit}"), |floor| format!("{floor:.digits$} {unit}"))
+    };
+    format!(
+        "{state}  {:.1} × the noise floor of {}, {}",
+        status.statistic,
+        floor(status.accel_floor, 4, "m/s²"),
+        floor(status.gyro_floor, 5, "rad/s")
+    )
+}
+
+fn nanos(time: &Option<prost_types::Timestamp>) -> i64 {
+    time.as_ref().map_or(0, |t| t.seconds.saturating_mul(1_000_000_000).saturating_add(t.nanos.into()))
 }
 
 fn heading(findings: &Findings) -> String {
@@ -129,9 +167,6 @@ fn row(name: &str, value: &Vector3, std: &Vector3) -> [String; 4] {
 fn rejected(findings: &Findings) -> Vec<String> {
     let origin = findings.rests.keys().next().copied().unwrap_or_default();
     let line = |rest: &Segment| {
-        let nanos = |t: &Option<prost_types::Timestamp>| {
-            t.as_ref().map_or(0, |t| t.seconds.saturating_mul(1_000_000_000).saturating_add(t.nanos.into()))
-        };
         let (start, end) = (nanos(&rest.start), nanos(&rest.end));
         let (at, long) = (start.saturating_sub(origin) as f64 * 1e-9, end.saturating_sub(start) as f64 * 1e-9);
         sentence(&format!("  {at:>+7.1} s {long:>5.1} s {} ", rest.reason().as_str_name()), &rest.explanation)

@@ -1,25 +1,27 @@
 //! What is folded into a recording: topics and blocks of messages, without ids. Ids are given by whoever writes them,
 //! since a sidecar counts from 1 and an annotated recording takes the lowest that are free.
 
+use serde::{Deserialize, Serialize};
+
 use super::wire::{Fields, Put as _};
 
 /// A topic that annotations are written to.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Topic {
     /// Full name, `/imu/data/stillpoint/segment` for instance.
     pub name: String,
     /// Type name of its messages. Topics of one schema name share one schema.
     pub schema_name: String,
     /// Language of the schema: `ros2msg` or `protobuf`.
-    pub schema_encoding: &'static str,
+    pub schema_encoding: String,
     /// The schema, in that language.
     pub schema: Vec<u8>,
     /// Encoding of the messages: `cdr` or `protobuf`.
-    pub message_encoding: &'static str,
+    pub message_encoding: String,
 }
 
 /// One annotation. Its publish time is its log time.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Annotation {
     /// Index into the list of topics.
     pub topic: usize,
@@ -32,7 +34,7 @@ pub struct Annotation {
 }
 
 /// The annotations of one chunk (or, in a recording with messages outside chunks, of one run of loose messages).
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
     /// In the order of writing, never empty.
     pub annotations: Vec<Annotation>,

@@ -101,7 +101,7 @@ impl Emitter {
                     self.schemas.push(Schema {
                         id,
                         name: topic.schema_name.clone(),
-                        encoding: topic.schema_encoding.to_owned(),
+                        encoding: topic.schema_encoding.clone(),
                         data: topic.schema.clone(),
                     });
                     id
@@ -111,7 +111,7 @@ impl Emitter {
                 id: self.taken.channels.take("channel")?,
                 schema_id,
                 topic: topic.name.clone(),
-                message_encoding: topic.message_encoding.to_owned(),
+                message_encoding: topic.message_encoding.clone(),
                 metadata: BTreeMap::new(),
             });
         }

@@ -118,6 +118,15 @@ impl Horizon {
         }
     }
 
+    /// Waits if the recorder may still rewrite what stands here: the recording grows, and nothing follows `end` yet. A
+    /// recorder that patches the head of a chunk does so before it goes on behind it.
+    pub(super) fn may_change(&self, end: u64) -> Result<(), Stop> {
+        match self.extent.finished || end < self.extent.length {
+            true => Ok(()),
+            false => Err(Stop::Wait),
+        }
+    }
+
     /// The body of the frame that begins here, or its first `most` bytes.
     pub(super) fn body(&self, frame: Frame, most: u64) -> Result<&[u8], Stop> {
         let bytes = self.peek(FRAME + frame.length.min(most) as usize)?;

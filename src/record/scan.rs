@@ -12,6 +12,7 @@ use std::fmt;
 use std::ops::Range;
 
 use mcap::MAGIC;
+use serde::{Deserialize, Serialize};
 
 use self::bounds::Bounds;
 use self::data_section::{Attaching, OpenChunk, Telling};
@@ -130,8 +131,26 @@ pub enum Event<'a> {
     End,
 }
 
+/// Where a scan stands between two records in front of the summary, to be taken up again.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Position {
+    offset: u64,
+    inventory: Inventory,
+    chunk: Option<OpenChunk>,
+    orphans: bool,
+    lengths: BTreeMap<u16, (u64, u64)>,
+    trusted: Option<u64>,
+}
+
+impl Position {
+    /// The profile that the recording's header states.
+    pub fn profile(&self) -> &str {
+        self.inventory.profile()
+    }
+}
+
 /// Something that is wrong with a recording.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Damage {
     /// Byte in the recording.
     pub offset: u64,
@@ -192,6 +211,28 @@ impl Scan {
         scan.extend(length);
         scan.finish();
         scan
+    }
+
+    /// A scan of a recording that may grow, from where another one stood. Its length is 0 as with [`Scan::new`].
+    pub fn resume(position: Position) -> Self {
+        let Position { offset, inventory, chunk, orphans, lengths, trusted } = position;
+        let stage = Stage::Record;
+        let mut scan = Self { inventory, chunk, orphans, lengths, trusted, stage, ..Self::default() };
+        scan.horizon.skip(offset);
+        scan
+    }
+
+    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun.
+    pub fn position(&self) -> Option<Position> {
+        let between = matches!(self.stage, Stage::Record) && self.queue.is_empty() && !self.summary.begun;
+        between.then(|| Position {
+            offset: self.horizon.offset(),
+            inventory: self.inventory.clone(),
+            chunk: self.chunk.clone(),
+            orphans: self.orphans,
+            lengths: self.lengths.clone(),
+            trusted: self.trusted,
+        })
     }
 
     /// The recording is this long now. No byte beyond is asked for, and no record that reaches beyond is whole.
@@ -305,7 +346,9 @@ impl Scan {
             };
             match done {
                 Ok(()) => {}
-                Err(stop @ (Stop::Read { .. } | Stop::Wait)) => return Ok(Step::Stop(stop)),
+                Err(stop @ Stop::Read { .. }) => return Ok(Step::Stop(stop)),
+                // What was judged may be written again meanwhile.
+                Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
                 Err(Stop::End | Stop::Cut { .. }) => {
                     self.end("the recording ends without a footer: its recorder never finished it")
                 }
@@ -344,6 +387,10 @@ impl Scan {
             self.reject(frame, "a message index whose opcode is wrong");
             self.pass(frame);
             return Ok(());
+        }
+        if matches!(bounds, Bounds::Lost(_)) && !self.horizon.extent().finished {
+            // It may become a record yet, even one that belongs to the chunk before.
+            return Err(Stop::Wait);
         }
         if frame.opcode != op::MESSAGE_INDEX {
             self.close_chunk();

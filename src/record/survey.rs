@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::wire::{Fields, op};
 use super::{Channel, Message, Schema};
 
@@ -18,7 +20,7 @@ pub(super) struct Survey {
 }
 
 /// Messages of one channel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Tally {
     pub(super) count: u64,
     /// Of their log times and places, whatever their order.

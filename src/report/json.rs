@@ -58,7 +58,8 @@ fn imu(findings: &Findings) -> Value {
     })
 }
 
-fn coverage(coverage: &Coverage) -> Value {
+/// The faces seen, and the next step.
+pub fn coverage(coverage: &Coverage) -> Value {
     let faces = coverage.faces.iter().map(|face| {
         json!({
             "name": face.name,
@@ -71,7 +72,7 @@ fn coverage(coverage: &Coverage) -> Value {
 }
 
 /// A triad; what is not estimated is `null`.
-fn triad(triad: Option<&Triad>) -> Value {
+pub fn triad(triad: Option<&Triad>) -> Value {
     let none = Triad::default();
     let triad = triad.unwrap_or(&none);
     json!({

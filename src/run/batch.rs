@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use super::learn::{Learned, Learner};
 use super::output::{Output, Written};
@@ -105,6 +106,32 @@ pub fn annotate(
     Ok((report, output.finish(recording, options.sync)?))
 }
 
+/// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself.
+pub(super) fn fold(
+    recording: &Recording,
+    inventory: &Inventory,
+    learned: &Learned,
+    kept: Kept,
+    output: &Path,
+    config: &Config,
+    options: Options,
+    watch: Watch<'_>,
+) -> Result<(Report, Written), Error> {
+    let mut output = Output::open(output, options.force)?;
+    let abandon = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let copying = scope.spawn(|| output.copy_ahead(recording, &abandon));
+        while !copying.is_finished() {
+            abandon.store(watch(0).is_err(), Ordering::Relaxed);
+            thread::sleep(Duration::from_millis(1));
+        }
+        copying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })?;
+    watch(0)?;
+    write_annotated(&mut output, recording, inventory.clone(), &settings(config), learned, kept, watch)?;
+    Ok((Report::new(inventory, learned), output.finish(recording, options.sync)?))
+}
+
 /// Learns from a recording, and writes nothing.
 ///
 /// # Errors
@@ -119,7 +146,7 @@ pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Re
 }
 
 /// What determines the bytes of the annotations.
-fn settings(config: &Config) -> BTreeMap<String, String> {
+pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
     BTreeMap::from([
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("configuration".to_owned(), config.canonical()),
@@ -127,7 +154,7 @@ fn settings(config: &Config) -> BTreeMap<String, String> {
 }
 
 /// What is written behind the recording, until all of that has been read.
-struct Kept {
+pub(super) struct Kept {
     /// The annotations.
     blocks: Spill,
     /// The chunk indexes.
@@ -135,11 +162,15 @@ struct Kept {
 }
 
 impl Kept {
-    fn beside(output: &Path) -> Self {
+    pub(super) fn beside(output: &Path) -> Self {
         Self { blocks: Spill::beside(output), indexes: Spill::beside(output) }
     }
 
-    fn block(&mut self, block: &Block) -> Result<(), Error> {
+    pub(super) fn indexes(&mut self, indexes: &[u8]) -> Result<(), Error> {
+        self.indexes.push(indexes)
+    }
+
+    pub(super) fn block(&mut self, block: &Block) -> Result<(), Error> {
         let mut bytes = Vec::new();
         block.write(&mut bytes);
         self.blocks.push_item(&bytes)
@@ -151,15 +182,15 @@ fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
 }
 
 /// Hears a recording.
-struct Listening<'a, 'k> {
-    learner: Learner<'a>,
+struct Listening<'k> {
+    learner: Learner,
     kept: Option<&'k mut Kept>,
     verify: bool,
 }
 
-impl Listener for Listening<'_, '_> {
+impl Listener for Listening<'_> {
     fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
-        self.learner.take(event);
+        self.learner.take(event, &mut |_| {});
         match &mut self.kept {
             Some(kept) => self.learner.take_blocks().try_for_each(|block| kept.block(&block)),
             None => {
@@ -189,7 +220,7 @@ fn learn(
     let mut listening = Listening { learner: Learner::new(config), kept, verify: options.verify };
     let inventory = recording.scan(watch, &mut listening)?;
     let Listening { learner, mut kept, .. } = listening;
-    let mut learned = learner.finish();
+    let mut learned = learner.finish(&mut |_| {});
     if let Some(kept) = &mut kept {
         learned.blocks.drain(..).try_for_each(|block| kept.block(&block))?;
     }
@@ -257,7 +288,7 @@ fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Er
 }
 
 impl Report {
-    fn new(inventory: &Inventory, learned: &Learned) -> Self {
+    pub(super) fn new(inventory: &Inventory, learned: &Learned) -> Self {
         Self {
             imus: learned.imus.clone(),
             channels: learned.channels.clone(),

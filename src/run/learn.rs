@@ -4,27 +4,34 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
+
+use super::news::{News, Tell};
 use crate::Stamp;
-use crate::annotate::Annotator;
+use crate::annotate::{self, Annotator};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message, Secondary};
 use crate::fit::{Gravity, Place, Source};
 use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Reading, Sensor, Verdict};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
-use crate::record::{Block, Channel, Damage, Event, Schema, Topic};
+use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Schema, Topic};
 use crate::report::Findings;
 
 /// Damages that are told one by one; of further ones only the number is kept.
 const DAMAGES: usize = 100;
 
-/// Learns from the events of a scan.
-pub(super) struct Learner<'a> {
-    config: &'a Config,
+/// Learns from the events of a scan. Saved, it can be taken up again.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Learner {
+    /// The same for all of a recording.
+    #[serde(skip)]
+    config: Config,
     intake: Intake,
     schemas: BTreeMap<u16, Schema>,
     imus: Vec<Learning>,
     annotator: Annotator,
+    #[serde(skip)]
     blocks: Vec<Block>,
     channels: Vec<Channel>,
     known: BTreeSet<u16>,
@@ -34,13 +41,18 @@ pub(super) struct Learner<'a> {
     log_time: u64,
     /// Where the recording is made, once it has said so.
     place: Option<Place>,
+    #[serde(skip)]
     readings: Vec<(ImuId, Sensor, Reading)>,
+    #[serde(skip)]
     events: Vec<engine::Event>,
 }
 
 /// One IMU while it is learned.
+#[derive(Serialize, Deserialize)]
 struct Learning {
     engine: Engine,
+    /// Not saved: the annotations say the same.
+    #[serde(skip)]
     findings: Findings,
 }
 
@@ -60,10 +72,10 @@ pub(super) struct Learned {
     pub(super) blocks: Vec<Block>,
 }
 
-impl<'a> Learner<'a> {
-    pub(super) fn new(config: &'a Config) -> Self {
+impl Learner {
+    pub(super) fn new(config: &Config) -> Self {
         Self {
-            config,
+            config: config.clone(),
             intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
             schemas: BTreeMap::new(),
             imus: Vec::new(),
@@ -80,7 +92,56 @@ impl<'a> Learner<'a> {
         }
     }
 
-    pub(super) fn take(&mut self, event: Event<'_>) {
+    /// Goes on with what was saved under the same configuration. What had been learned is to be
+    /// [recalled](Self::recall) from the annotations.
+    pub(super) fn resume(mut self, config: &Config) -> Self {
+        self.config = config.clone();
+        for i in 0..self.imus.len() {
+            let findings = self.intake.imus().get(i).map(|imu| self.nothing_of(imu)).unwrap_or_default();
+            self.imus.get_mut(i).into_iter().for_each(|learning| learning.findings = findings.clone());
+        }
+        self
+    }
+
+    /// Takes in an annotation that was written before.
+    pub(super) fn recall(&mut self, topic: &str, event: &engine::Event) {
+        let imu = topic.split_once("/stillpoint/").map(|(imu, _)| imu);
+        let known = self.imus.iter_mut().find(|learning| Some(&*learning.findings.name) == imu);
+        known.into_iter().for_each(|learning| learning.findings.note(event));
+    }
+
+    /// Takes in the annotations that had not been written before.
+    pub(super) fn recall_open(&mut self) {
+        let said = |annotation: &Annotation| {
+            let topic = self.annotator.topics().get(annotation.topic)?;
+            let message = annotate::read(&topic.schema_name, &topic.message_encoding, &annotation.data).ok()?;
+            Some((topic.name.clone(), engine::Event { log_time: annotation.log_time, message }))
+        };
+        let open: Vec<_> = self.annotator.open().iter().filter_map(said).collect();
+        open.iter().for_each(|(topic, event)| self.recall(topic, event));
+    }
+
+    /// Tells of the channels so far once more.
+    pub(super) fn tell_channels(&self, tell: Tell<'_>) {
+        for channel in &self.channels {
+            tell(News::Channel { channel, schema: self.schemas.get(&channel.schema_id) });
+        }
+    }
+
+    /// Tells how each IMU stands.
+    pub(super) fn tell_imus(&self, tell: Tell<'_>) {
+        for Learning { engine, findings } in &self.imus {
+            tell(News::Imu { findings, status: engine.status() });
+        }
+    }
+
+    /// The annotations so far.
+    pub(super) fn annotator(&self) -> &Annotator {
+        &self.annotator
+    }
+
+    /// Takes an event of the scan, and tells what is new.
+    pub(super) fn take(&mut self, event: Event<'_>, tell: Tell<'_>) {
         match event {
             Event::Header { profile, .. } => {
                 self.annotator = Annotator::new(self.config.output.encoding.in_profile(profile));
@@ -89,7 +150,9 @@ impl<'a> Learner<'a> {
                 self.schemas.insert(schema.id, schema.clone());
             }
             Event::Channel(channel) => {
-                self.intake.channel(channel, self.schemas.get(&channel.schema_id));
+                let schema = self.schemas.get(&channel.schema_id);
+                self.intake.channel(channel, schema);
+                tell(News::Channel { channel, schema });
                 self.channels.push(channel.clone());
                 self.known.insert(channel.id);
                 for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
@@ -99,7 +162,7 @@ impl<'a> Learner<'a> {
             Event::Message(message) => {
                 self.log_time = message.log_time;
                 if self.intake.wants(message.channel) {
-                    self.message(message.channel, message.log_time, message.data);
+                    self.message(&message, tell);
                 }
             }
             Event::ChunkEnd => {
@@ -107,7 +170,8 @@ impl<'a> Learner<'a> {
                 self.blocks.extend(block);
             }
             Event::Damage(damage) => {
-                self.log(Level::Warning, damage.to_string());
+                self.log(Level::Warning, damage.to_string(), tell);
+                tell(News::Damage(&damage));
                 self.damages += 1;
                 if self.damage.len() < DAMAGES {
                     self.damage.push(damage);
@@ -133,12 +197,12 @@ impl<'a> Learner<'a> {
     }
 
     /// The recording has ended.
-    pub(super) fn finish(mut self) -> Learned {
+    pub(super) fn finish(mut self, tell: Tell<'_>) -> Learned {
         for i in 0..self.imus.len() {
             if let Some(imu) = self.imus.get_mut(i) {
                 imu.engine.finish(&mut self.events);
             }
-            self.publish(i);
+            self.publish(i, tell);
         }
         let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
         let notes = faults.chain(missing(&self.intake)).collect();
@@ -159,21 +223,23 @@ impl<'a> Learner<'a> {
         }
     }
 
-    fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
-        if let Some(fix) = self.intake.fix(channel, data) {
-            self.locate(fix);
+    fn message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+        if let Some(fix) = self.intake.fix(message.channel, message.data) {
+            self.locate(fix, tell);
         }
         let readings = &mut self.readings;
-        self.intake.message(channel, log_time, data, &mut |imu, sensor, reading| readings.push((imu, sensor, reading)));
+        let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
+        self.intake.message(message.channel, message.log_time, message.data, &mut keep);
+        let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
+        tell(News::Message { message, samples: samples.count() });
         for imu in self.intake.imus().iter().skip(self.imus.len()) {
-            let mut engine = Engine::new(engine_config(imu, self.config));
+            let mut engine = Engine::new(engine_config(imu, &self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
-            let source_type = self.source_type(&imu.topic);
-            let findings = Findings { source_type, ..Findings::new(&imu.name, &imu.topic) };
+            let findings = self.nothing_of(imu);
             self.imus.push(Learning { engine, findings });
         }
         for notice in self.intake.take_notices() {
-            self.log(Level::Warning, notice.text);
+            self.log(Level::Warning, notice.text, tell);
         }
         for i in 0..self.readings.len() {
             let Some(&(imu, sensor, reading)) = self.readings.get(i) else { break };
@@ -187,14 +253,14 @@ impl<'a> Learner<'a> {
                 }
             }
             if !self.events.is_empty() {
-                self.publish(imu);
+                self.publish(imu, tell);
             }
         }
         self.readings.clear();
     }
 
     /// The recording has said where it is made.
-    fn locate(&mut self, Fix { latitude_deg, height_m }: Fix) {
+    fn locate(&mut self, Fix { latitude_deg, height_m }: Fix, tell: Tell<'_>) {
         let place = Place { latitude_deg, height_m };
         self.place = Some(place);
         self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
@@ -203,8 +269,13 @@ impl<'a> Learner<'a> {
             let height = height_m.map(|height| format!(" and {height:.0} m")).unwrap_or_default();
             let text =
                 format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
-            self.log(Level::Info, text);
+            self.log(Level::Info, text, tell);
         }
+    }
+
+    /// What is known of an IMU before anything was learned.
+    fn nothing_of(&self, imu: &Imu) -> Findings {
+        Findings { source_type: self.source_type(&imu.topic), ..Findings::new(&imu.name, &imu.topic) }
     }
 
     /// Type of the messages on a topic.
@@ -215,10 +286,11 @@ impl<'a> Learner<'a> {
     }
 
     /// Annotates the events of an IMU.
-    fn publish(&mut self, imu: usize) {
+    fn publish(&mut self, imu: usize, tell: Tell<'_>) {
         let name = self.intake.imus().get(imu).map_or("", |imu| &imu.name);
         for event in self.events.drain(..) {
             self.blocks.extend(self.annotator.push(name, &event));
+            tell_of(&self.annotator, name, &event, tell);
             if let Some(learning) = self.imus.get_mut(imu) {
                 learning.findings.note(&event);
             }
@@ -226,12 +298,20 @@ impl<'a> Learner<'a> {
     }
 
     /// A line in the recording's log.
-    fn log(&mut self, level: Level, message: String) {
+    fn log(&mut self, level: Level, message: String, tell: Tell<'_>) {
         let timestamp = Some(Stamp::from_log_time(self.log_time).into());
         let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
         let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
         self.blocks.extend(self.annotator.push("", &event));
+        tell_of(&self.annotator, "", &event, tell);
     }
+}
+
+/// Tells of the annotation that was added last.
+fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'_>) {
+    let Some(annotation) = annotator.open().last() else { return };
+    let Some(topic) = annotator.topics().get(annotation.topic) else { return };
+    tell(News::Annotation { imu, topic, annotation, event });
 }
 
 /// What the configuration names and the recording lacks, one line each.

@@ -63,6 +63,27 @@ impl Recording {
         Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })
     }
 
+    /// A recording that is open already, and has this length.
+    pub(super) fn of_file(file: File, path: &Path, length: u64) -> Self {
+        Self { file, path: path.to_owned(), original: Original::whole(length), state: (length, SystemTime::UNIX_EPOCH) }
+    }
+
+    /// The original in it, if Stillpoint annotated it.
+    pub(super) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
+        match self.kind()? {
+            Kind::Annotated { original, .. } => {
+                let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+                Ok(Some(Self { file, path: self.path.clone(), original, state: self.state }))
+            }
+            Kind::Sidecar { .. } => Err(self.is_a_sidecar()),
+            Kind::Recording | Kind::Edited { .. } => self.original_within(inventory),
+        }
+    }
+
+    fn is_a_sidecar(&self) -> Error {
+        Error::input(&self.path, "holds annotations alone; name the recording they belong to")
+    }
+
     /// Opens a file. The recording is the original in it, if Stillpoint annotated it, and else all of it.
     ///
     /// # Errors
@@ -70,12 +91,10 @@ impl Recording {
     /// As [`open`](Self::open), and if the file holds annotations alone.
     pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
         let file = Self::open_for(path, access)?;
-        match file.recognise(|bytes| recognise(bytes, file.length()))? {
+        match file.kind()? {
             Kind::Recording => Ok(file),
             Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
-            Kind::Sidecar { .. } => {
-                Err(Error::input(path, "holds annotations alone; name the recording they belong to"))
-            }
+            Kind::Sidecar { .. } => Err(file.is_a_sidecar()),
             Kind::Edited { why } => {
                 let path = path.display();
                 tracing::warn!("{path}: was annotated, then edited by another program ({why}); what it added stays");
@@ -91,7 +110,7 @@ impl Recording {
     /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
     pub fn open_annotated(path: &Path) -> Result<Self, Error> {
         let file = Self::open(path)?;
-        let mut kind = file.recognise(|bytes| recognise(bytes, file.length()))?;
+        let mut kind = file.kind()?;
         if kind == Kind::Recording {
             let inventory = file.scan(&|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
             kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
@@ -132,6 +151,11 @@ impl Recording {
     /// Whether its file is still as long and as old as when it was opened.
     pub(super) fn is_unchanged(&self) -> bool {
         state(&self.file).is_ok_and(|state| state == self.state)
+    }
+
+    /// Who wrote it, as far as its end tells.
+    pub(super) fn kind(&self) -> Result<Kind, Error> {
+        self.recognise(|bytes| recognise(bytes, self.length()))
     }
 
     fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {

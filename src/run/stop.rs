@@ -24,6 +24,11 @@ impl Stop {
         Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
 
+    /// The wish was met, and is no reason to end otherwise than usual.
+    pub fn answered(&self) {
+        self.0.store(0, Ordering::Relaxed);
+    }
+
     /// To be asked between pieces of work.
     ///
     /// # Errors

@@ -89,9 +89,9 @@ pub fn topics() -> Vec<Topic> {
         .map(|(kind, source)| Topic {
             name: format!("{source}/stillpoint/{kind}"),
             schema_name: format!("stillpoint.{kind}"),
-            schema_encoding: "protobuf",
+            schema_encoding: "protobuf".into(),
             schema: kind.as_bytes().to_vec(),
-            message_encoding: "protobuf",
+            message_encoding: "protobuf".into(),
         })
         .collect()
 }

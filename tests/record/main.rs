@@ -4,6 +4,7 @@
 mod damage;
 mod drive;
 mod folding;
+mod following;
 mod offering;
 mod recognising;
 mod recordings;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crc32fast::Hasher;
+use serde::{Deserialize, Serialize};
 
 use super::search::HEAD;
 use super::{Scan, Stage, Step, Supply, within};
@@ -34,6 +35,7 @@ pub(super) struct Telling {
 }
 
 /// A chunk whose message indexes may follow.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct OpenChunk {
     index: ChunkIndex,
     /// Its messages, by channel; `None` of a chunk that is not read.
@@ -260,6 +262,7 @@ impl Scan {
                 self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
+                self.horizon.may_change(frame.end())?;
                 self.spent = opened;
                 self.reject(frame, what);
                 self.orphans = true;

@@ -95,18 +95,18 @@ impl Scan {
             found => found,
         };
         match found {
-            Ok(found) => self.resume(search, found),
+            Ok(found) => self.go_on(search, found),
             // Here is nothing to wait for: the recording is finished.
             Err(stop @ Stop::Read { .. }) => {
                 self.stage = Stage::Searching(search);
                 return Err(stop);
             }
-            Err(_) => self.resume(search, None),
+            Err(_) => self.go_on(search, None),
         }
         Ok(())
     }
 
-    fn resume(&mut self, search: Search, found: Option<u64>) {
+    fn go_on(&mut self, search: Search, found: Option<u64>) {
         let next = found.unwrap_or(self.horizon.extent().length);
         if search.confirming.contains(&next) {
             self.trusted = Some(search.offset);

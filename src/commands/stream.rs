@@ -1,0 +1,75 @@
+//! What happens while a recording is followed, for machines: one JSON object an event.
+
+use serde_json::{Value, json};
+use stillpoint::engine::Message;
+use stillpoint::messages::{Calibration, Segment, Stillness, foxglove::Log};
+use stillpoint::report::{coverage, triad};
+use stillpoint::run::News;
+
+/// The event as it is streamed; `None` for what is no event. Times are nanoseconds.
+pub fn event(news: &News<'_>) -> Option<Value> {
+    Some(match news {
+        News::Awaited => json!({"event": "awaited"}),
+        News::Opened(offset) => json!({"event": "opened", "offset": offset}),
+        News::Annotation { imu, event, .. } => {
+            let (kind, said) = message(&event.message);
+            json!({"event": kind, "imu": Some(imu).filter(|imu| !imu.is_empty()), "log_time": event.log_time, kind: said})
+        }
+        News::Trouble(what) => json!({"event": "trouble", "what": what}),
+        News::Damage(damage) => {
+            json!({"event": "damage", "offset": damage.offset, "bytes": damage.length, "what": damage.what})
+        }
+        News::Ended(ending) => json!({"event": "ended", "ending": format!("{ending:?}").to_lowercase()}),
+        News::Channel { .. } | News::Message { .. } | News::Imu { .. } | News::Read(_) => return None,
+    })
+}
+
+fn message(message: &Message) -> (&'static str, Value) {
+    match message {
+        Message::Stillness(said) => ("stillness", stillness(said)),
+        Message::Segment(said) => ("segment", segment(said)),
+        Message::Coverage(said) => ("coverage", coverage(said)),
+        Message::Calibration(said) => ("calibration", calibration(said)),
+        Message::Log(said) => ("log", log(said)),
+    }
+}
+
+fn stillness(said: &Stillness) -> Value {
+    let statistic = Some(said.statistic).filter(|statistic| statistic.is_finite());
+    json!({"state": said.state().as_str_name(), "statistic": statistic, "enter": said.enter, "leave": said.leave})
+}
+
+fn segment(said: &Segment) -> Value {
+    json!({
+        "start": nanos(&said.start),
+        "end": nanos(&said.end),
+        "accepted": said.accepted,
+        "face": Some(&said.face).filter(|face| !face.is_empty()),
+        "tilt_deg": said.tilt_deg,
+        "reason": said.reason().as_str_name(),
+        "explanation": said.explanation,
+        "placement": said.placement,
+    })
+}
+
+fn calibration(said: &Calibration) -> Value {
+    json!({
+        "direction": "measured = bias + sensitivity * true",
+        "revision": said.revision,
+        "accelerometer": triad(said.accelerometer.as_ref()),
+        "gyroscope": triad(said.gyroscope.as_ref()),
+        "secondary": said.secondary.iter().map(|secondary| triad(Some(secondary))).collect::<Value>(),
+        "gravity": said.gravity,
+        "gravity_source": said.gravity_source,
+        "segments": said.segments,
+        "placements": said.placements,
+    })
+}
+
+fn log(said: &Log) -> Value {
+    json!({"level": said.level().as_str_name(), "name": said.name, "message": said.message})
+}
+
+fn nanos(time: &Option<prost_types::Timestamp>) -> Option<i64> {
+    time.as_ref().map(|time| time.seconds.saturating_mul(1_000_000_000).saturating_add(time.nanos.into()))
+}

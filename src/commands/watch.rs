@@ -1,0 +1,101 @@
+//! `stillpoint watch`: a directory, for as long as the service runs.
+
+use std::path::Path;
+use std::sync::{Arc, PoisonError, RwLock};
+
+use serde_json::json;
+use stillpoint::Error;
+use stillpoint::config::Config;
+use stillpoint::run::{self, Following, Metrics, Options, Stop, Verdict, Watching};
+use tokio::signal::unix::{SignalKind, signal};
+use tracing::{error, info, warn};
+
+use super::{Code, configuration, print_json};
+use crate::cli;
+
+pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
+    let config = Arc::new(RwLock::new(configuration(&args.configuration)?));
+    reload_on_hangup(args.configuration.clone(), config.clone())?;
+    let metrics = Arc::new(Metrics::default());
+    if let Some(address) = args.metrics {
+        info!("metrics at http://{}/metrics", run::serve(address, metrics.clone())?);
+    }
+    let following = Following {
+        poll: args.poll,
+        idle: args.idle_timeout,
+        patience: None,
+        keep_sidecar: args.keep_sidecar,
+        options: Options { sync: args.sync, ..Options::default() },
+    };
+    let watching = Watching {
+        folder: args.folder.clone(),
+        out: args.out_dir.clone(),
+        interval: args.interval,
+        growing: args.growing,
+        finished: args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
+        following,
+    };
+    let current = || config.read().unwrap_or_else(PoisonError::into_inner).clone();
+    info!("watching {}", args.folder.display());
+    run::watch(&watching, &current, stop, &metrics, &|path, verdict| say(path, &verdict, json))?;
+    info!("stopped; what was being followed goes on with the next watch");
+    // To be stopped is how a service ends.
+    stop.answered();
+    Ok(Code::Done)
+}
+
+fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
+    let name = path.display();
+    match verdict {
+        Verdict::Annotated(tailed) => {
+            let rests: usize = tailed.report.imus.iter().map(|imu| imu.rests.len()).sum();
+            let calibrated = tailed.report.imus.iter().filter(|imu| imu.is_calibrated()).count();
+            let imus = tailed.report.imus.len();
+            info!(
+                "{name}: annotated: {rests} rests, {calibrated} of {imus} IMUs calibrated: {}",
+                tailed.output.display()
+            );
+        }
+        Verdict::Quarantined(reason) => warn!("{name}: left alone: {reason}"),
+        Verdict::Again(error, wait) => warn!("{name}: {error}; again in {} s", wait.as_secs()),
+    }
+    if json {
+        let event = match verdict {
+            Verdict::Annotated(tailed) => {
+                let mut event = super::annotate::result(path, &tailed.output, &tailed.report, None);
+                event["event"] = "annotated".into();
+                event
+            }
+            Verdict::Quarantined(reason) => json!({"event": "quarantined", "input": path, "reason": reason}),
+            Verdict::Again(error, wait) => {
+                json!({"event": "again", "input": path, "error": error.to_string(), "seconds": wait.as_secs_f64()})
+            }
+        };
+        // A service goes on when nobody listens.
+        let _ = print_json(&event);
+    }
+}
+
+/// SIGHUP reads the configuration again; recordings that are begun afterwards use it.
+fn reload_on_hangup(typed: cli::Configuration, config: Arc<RwLock<Config>>) -> Result<(), Error> {
+    let refused = |error| Error::io("listen for", "SIGHUP".as_ref())(error);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(refused)?;
+    let mut hangups = {
+        let _inside = runtime.enter();
+        signal(SignalKind::hangup()).map_err(refused)?
+    };
+    std::thread::spawn(move || {
+        runtime.block_on(async {
+            while hangups.recv().await.is_some() {
+                match configuration(&typed) {
+                    Ok(read) => {
+                        *config.write().unwrap_or_else(PoisonError::into_inner) = read;
+                        info!("the configuration was read again; recordings begun from now on use it");
+                    }
+                    Err(error) => error!("{error}; the configuration stays as it was"),
+                }
+            }
+        });
+    });
+    Ok(())
+}

@@ -1,0 +1,175 @@
+//! Where a tail stands, on disk: replaced as a whole at each save, so that a kill at any instant leaves the one before.
+//!
+//! The sidecar is put on the device before the checkpoint that counts on it. Saving runs on a thread of its own, since
+//! a device takes its time; when to save is left to the [tail](super::tail).
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::appending::Appending;
+use super::learn::Learner;
+use crate::Error;
+use crate::record::{Position, Sidecar};
+
+/// What a checkpoint begins with; another layout gets another number.
+const MAGIC: &[u8; 16] = b"stillpointtail01";
+/// Of magic and checksum.
+const HEAD: usize = 16 + 4;
+/// Saves are at least this far apart, …
+const INTERVAL: Duration = Duration::from_secs(1);
+/// … and so many times as long as putting the state together takes.
+const SHARE: u32 = 20;
+
+/// What a checkpoint belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Owner {
+    pub(super) version: String,
+    pub(super) configuration: String,
+}
+
+/// All that a tail has to remember.
+#[derive(Serialize, Deserialize)]
+pub(super) struct State {
+    /// What the recording is known again by.
+    pub(super) known: (u64, Vec<u8>),
+    pub(super) position: Position,
+    pub(super) learner: Learner,
+    /// `None` before the sidecar has begun.
+    pub(super) sidecar: Option<Sidecar>,
+    /// Of the sidecar, in bytes.
+    pub(super) length: u64,
+}
+
+/// The same, borrowed.
+#[derive(Serialize)]
+pub(super) struct StateOf<'a> {
+    pub(super) known: &'a (u64, Vec<u8>),
+    pub(super) position: &'a Position,
+    pub(super) learner: &'a Learner,
+    pub(super) sidecar: &'a Option<Sidecar>,
+    pub(super) length: u64,
+}
+
+/// What is found under the name of a checkpoint.
+pub(super) enum Found {
+    Nothing,
+    State(Box<State>),
+    /// Something that cannot be gone on with, and why.
+    Useless(&'static str),
+}
+
+/// Saves and loads.
+#[derive(Debug)]
+pub(super) struct Checkpoint {
+    path: PathBuf,
+    next: Instant,
+    saving: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Checkpoint {
+    pub(super) fn new(path: PathBuf) -> Self {
+        Self { path, next: Instant::now() + INTERVAL, saving: None }
+    }
+
+    pub(super) fn exists(&self) -> bool {
+        self.path.exists()
+    }
+
+    pub(super) fn load(&self, owner: &Owner) -> Result<Found, Error> {
+        let bytes = match std::fs::read(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
+            read => read.map_err(Error::io("read", &self.path))?,
+        };
+        Ok(decode(&bytes, owner))
+    }
+
+    /// Whether it is time to save again.
+    pub(super) fn is_due(&self) -> bool {
+        self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Begins to save. What became of the save before is told now.
+    pub(super) fn save(&mut self, owner: &Owner, state: &StateOf<'_>, sidecar: &Appending) -> Result<(), Error> {
+        let before = self.settle();
+        let began = Instant::now();
+        let bytes = encode(owner, state).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
+        self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
+        let sidecar = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
+        let path = self.path.clone();
+        self.saving = Some(std::thread::spawn(move || {
+            sidecar.sync_data()?;
+            replace(&path, &bytes)
+        }));
+        before
+    }
+
+    /// Waits until what was begun is done.
+    pub(super) fn settle(&mut self) -> Result<(), Error> {
+        let Some(thread) = self.saving.take() else { return Ok(()) };
+        let saved = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        saved.map_err(Error::io("write", &self.path))
+    }
+
+    pub(super) fn remove(&mut self) -> Result<(), Error> {
+        // It is removed, however it is.
+        let _ = self.settle();
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io("remove", &self.path)(error)),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn encode(owner: &Owner, state: &StateOf<'_>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend([0; 4]);
+    // Names of fields are kept, since the configuration leaves out what is not set.
+    rmp_serde::encode::write_named(&mut bytes, owner)?;
+    rmp_serde::encode::write_named(&mut bytes, state)?;
+    let crc = crc32fast::hash(bytes.get(HEAD..).unwrap_or_default());
+    if let Some(place) = bytes.get_mut(MAGIC.len()..HEAD) {
+        place.copy_from_slice(&crc.to_le_bytes());
+    }
+    Ok(bytes)
+}
+
+fn decode(bytes: &[u8], owner: &Owner) -> Found {
+    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Found::Useless("is damaged") };
+    let Some(crc) = head.strip_prefix(MAGIC) else { return Found::Useless("is of another version") };
+    if crc != crc32fast::hash(body).to_le_bytes() {
+        return Found::Useless("is damaged");
+    }
+    match rmp_serde::from_read::<_, Owner>(&mut body) {
+        Ok(found) if found.version != owner.version => Found::Useless("is of another version"),
+        Ok(found) if found.configuration != owner.configuration => Found::Useless("is of another configuration"),
+        Ok(_) => match rmp_serde::from_read(&mut body) {
+            Ok(state) => Found::State(state),
+            Err(_) => Found::Useless("is of another version"),
+        },
+        Err(_) => Found::Useless("is of another version"),
+    }
+}
+
+/// Puts bytes under a name, on the device, or leaves what was there.
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".partial");
+    let next = path.with_file_name(name);
+    let written = File::create(&next).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    let replaced = written.and_then(|()| std::fs::rename(&next, path));
+    if replaced.is_err() {
+        // The one before stays.
+        let _ = std::fs::remove_file(&next);
+        return replaced;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}

@@ -1,0 +1,165 @@
+//! Recordings while they are recorded: after every write of a recorder, and through every interruption of the reader.
+
+use std::collections::BTreeMap;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::{Arc, Mutex};
+
+use mcap::{Compression, WriteOptions, Writer};
+use proptest::prelude::*;
+use stillpoint::record::{Event, Inventory, Scan};
+
+use crate::drive::scan;
+use crate::recordings::mistreated;
+
+/// A change of a file: where, and which bytes.
+type Change = (u64, Vec<u8>);
+
+/// A file with a place in it, and each change that was ever made.
+#[derive(Clone, Default)]
+struct Disk(Arc<Mutex<(u64, Vec<Change>)>>);
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let (at, changes) = &mut *self.0.lock().unwrap();
+        changes.push((*at, bytes.to_vec()));
+        *at += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Disk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let (at, changes) = &mut *self.0.lock().unwrap();
+        let end = changes.iter().map(|(at, bytes)| at + bytes.len() as u64).max().unwrap_or(0);
+        *at = match to {
+            SeekFrom::Start(place) => place,
+            SeekFrom::End(by) => end.saturating_add_signed(by),
+            SeekFrom::Current(by) => at.saturating_add_signed(by),
+        };
+        Ok(*at)
+    }
+}
+
+/// Follows a file through its changes, taking the scan apart and up again wherever `interrupted` says so.
+fn follow(changes: &[Change], mut interrupted: impl FnMut() -> bool) -> (Vec<String>, Inventory) {
+    let mut scan = Scan::new();
+    let (mut file, mut told) = (Vec::new(), Vec::new());
+    let mut changes = changes.iter();
+    loop {
+        match scan.next_event().unwrap() {
+            Event::Read { offset, length } => {
+                let bytes = &file[offset as usize..offset as usize + length];
+                scan.insert(length).copy_from_slice(bytes);
+                scan.notify_read(length);
+            }
+            Event::Wait => {
+                if let Some(position) = scan.position().filter(|_| interrupted()) {
+                    let saved = rmp_serde::to_vec_named(&position).unwrap();
+                    scan = Scan::resume(rmp_serde::from_slice(&saved).unwrap());
+                }
+                match changes.next() {
+                    Some((at, bytes)) => {
+                        file.resize(file.len().max(*at as usize + bytes.len()), 0);
+                        file[*at as usize..][..bytes.len()].copy_from_slice(bytes);
+                        scan.extend(file.len() as u64);
+                    }
+                    None => {
+                        scan.extend(file.len() as u64);
+                        scan.finish();
+                    }
+                }
+            }
+            Event::End => return (told, scan.into_inventory()),
+            event => told.push(format!("{event:?}")),
+        }
+    }
+}
+
+#[test]
+fn a_recorder_may_be_looked_at_after_each_of_its_writes() {
+    for compression in [None, Some(Compression::Lz4), Some(Compression::Zstd)] {
+        for (seeking, flushing, indexes) in [(true, false, true), (true, true, false), (false, true, true)] {
+            let disk = Disk::default();
+            let options = WriteOptions::new().compression(compression).chunk_size(Some(900));
+            let options = options.disable_seeking(!seeking).emit_message_indexes(indexes);
+            let mut writer = Writer::with_options(disk.clone(), options).unwrap();
+            let schema = writer.add_schema("a/T", "ros2msg", b"int8 x").unwrap();
+            let channel = writer.add_channel(schema, "/a", "cdr", &BTreeMap::new()).unwrap();
+            for i in 0..100_u64 {
+                let header = mcap::records::MessageHeader {
+                    channel_id: channel,
+                    sequence: i as u32,
+                    log_time: i,
+                    publish_time: i,
+                };
+                writer.write_to_known_channel(&header, &[i as u8; 40]).unwrap();
+                if flushing && i % 7 == 0 {
+                    writer.flush().unwrap();
+                }
+            }
+            writer.finish().unwrap();
+            let changes = disk.0.lock().unwrap().1.clone();
+            let whole = follow(&[(0, file(&changes))], || false);
+            assert_eq!(whole.1.damage(), 0);
+            assert_eq!(whole.0.iter().filter(|event| event.starts_with("Message")).count(), 100);
+            for interrupted in [false, true] {
+                let (told, inventory) = follow(&changes, || interrupted);
+                assert_eq!(told, whole.0, "{compression:?} {seeking} {flushing} {indexes} {interrupted}");
+                assert_eq!(format!("{inventory:?}"), format!("{:?}", whole.1));
+            }
+        }
+    }
+}
+
+#[test]
+fn room_that_was_made_ahead_of_the_records_is_waited_for() {
+    let whole = crate::recordings::Recipe::plain().write();
+    let ahead = |at: usize| vec![(0, [&whole[..at], &vec![0; whole.len() - at][..]].concat()), (0, whole.clone())];
+    let expected = follow(&[(0, whole.clone())], || false);
+    let mut at = 8;
+    while at < whole.len() {
+        let (told, inventory) = follow(&ahead(at), || true);
+        assert_eq!((told, format!("{inventory:?}")), (expected.0.clone(), format!("{:?}", expected.1)), "{at}");
+        // On to the next record: what lies half under the zeros cannot be told from what is whole.
+        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
+        if at + 9 > whole.len() {
+            break;
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn interruptions_change_nothing(
+        file in mistreated(),
+        growth in prop::collection::vec(1_usize..2000, 1..20),
+        interruptions in prop::collection::vec(any::<bool>(), 1..20),
+    ) {
+        let mut changes = Vec::new();
+        let mut at = 0;
+        for step in growth {
+            let end = file.len().min(at + step);
+            changes.push((at as u64, file[at..end].to_vec()));
+            at = end;
+        }
+        changes.push((at as u64, file[at..].to_vec()));
+        let mut interruptions = interruptions.iter().cycle();
+        let (told, inventory) = follow(&changes, || *interruptions.next().unwrap());
+        let (expected, found) = scan(&file);
+        prop_assert_eq!(told.len(), expected.len());
+        prop_assert_eq!(format!("{inventory:?}"), format!("{found:?}"));
+    }
+}
+
+fn file(changes: &[Change]) -> Vec<u8> {
+    let mut file = Vec::new();
+    for (at, bytes) in changes {
+        file.resize(file.len().max(*at as usize + bytes.len()), 0);
+        file[*at as usize..][..bytes.len()].copy_from_slice(bytes);
+    }
+    file
+}

@@ -1,0 +1,81 @@
+//! A `stillpoint tail` that runs beside the test.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::common::{Folder, Run};
+
+/// A running program.
+pub struct Running(Child);
+
+impl Running {
+    /// Starts the program in the folder, with arguments that stand in one line.
+    pub fn start(folder: &Folder, line: &str) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
+        command.args(line.split_whitespace()).current_dir(folder.path()).env("NO_COLOR", "1");
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self(command.spawn().unwrap())
+    }
+
+    /// The same, with standard error in a file of the folder.
+    pub fn start_logged(folder: &Folder, line: &str, log: &str) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
+        command.args(line.split_whitespace()).current_dir(folder.path()).env("NO_COLOR", "1").stdin(Stdio::null());
+        let log = std::fs::File::create(folder.path().join(log)).unwrap();
+        Self(command.stdout(Stdio::null()).stderr(log).spawn().unwrap())
+    }
+
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
+    pub fn has_ended(&mut self) -> bool {
+        self.0.try_wait().unwrap().is_some()
+    }
+
+    /// Ends it as a power failure would.
+    pub fn kill(mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+
+    /// Waits for its end.
+    pub fn finish(mut self) -> Run {
+        let began = Instant::now();
+        while !self.has_ended() {
+            if began.elapsed() > Duration::from_secs(300) {
+                self.0.kill().unwrap();
+                panic!("still running after five minutes: {:?}", self.0.wait_with_output());
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let output = self.0.wait_with_output().unwrap();
+        Run {
+            code: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+}
+
+/// Waits until a condition holds.
+pub fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !holds() {
+        assert!(began.elapsed() < Duration::from_secs(60), "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Length of a file, 0 if it is not there.
+pub fn length(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |metadata| metadata.len())
+}
+
+/// What the batch path makes of `rec.mcap` must be what the tail made of it.
+pub fn assert_as_batch(folder: &Folder, context: &str) {
+    let run = folder.say("annotate rec.mcap -o batch.mcap --accept-damage -q");
+    assert_eq!(run.code, 0, "{context}: {}", run.stderr);
+    assert!(folder.read("rec.annotated.mcap") == folder.read("batch.mcap"), "{context}: tail and batch differ");
+}

@@ -1,0 +1,103 @@
+//! A tail that is killed at any instant goes on where it was, and its result is that of one that never was.
+
+use std::time::Duration;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::common::Folder;
+use crate::following::{Running, assert_as_batch, length, wait_for};
+use crate::recorder::{Session, Style};
+
+fn kills() -> u32 {
+    std::env::var("STILLPOINT_KILLS").map_or(16, |kills| kills.parse().unwrap())
+}
+
+#[test]
+fn a_tail_that_is_killed_over_and_over_makes_what_an_undisturbed_one_makes() {
+    let session = Session::six_faces();
+    let mut rng = ChaCha8Rng::seed_from_u64(kills().into());
+    let rounds = kills().div_ceil(30);
+    for round in 0..rounds {
+        let kills = kills() / rounds;
+        let folder = Folder::new();
+        let path = folder.path().join("rec.mcap");
+        let seconds = 0.4 * f64::from(kills);
+        std::thread::scope(|scope| {
+            let recorder = scope.spawn(|| {
+                // The recording ends when two thirds of the kills are done: the rest meets the end and the fold.
+                session.record(&path, Style { seeking: round % 2 == 0, ..Style::default() }, 101.0 / seconds);
+            });
+            for _ in 0..kills {
+                let tail = Running::start(&folder, "tail rec.mcap");
+                // Checkpoints are a second apart, so that many of the instants are about then; the end comes at once.
+                let millis = match (recorder.is_finished(), rng.random()) {
+                    (true, _) => rng.random_range(0..120),
+                    (false, true) => rng.random_range(0..300),
+                    (false, false) => rng.random_range(950..1150),
+                };
+                std::thread::sleep(Duration::from_millis(millis));
+                tail.kill();
+            }
+            recorder.join().unwrap();
+        });
+        let run = Running::start(&folder, "tail rec.mcap").finish();
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        assert_eq!(folder.names(), ["rec.annotated.mcap", "rec.mcap"]);
+        assert_as_batch(&folder, "after kills");
+    }
+}
+
+#[test]
+fn a_tail_that_is_stopped_says_where_it_goes_on_and_does() {
+    for signal in ["-INT", "-TERM"] {
+        let folder = Folder::new();
+        let path = folder.path().join("rec.mcap");
+        let session = Session::six_faces();
+        std::thread::scope(|scope| {
+            let recorder = scope.spawn(|| session.record(&path, Style::default(), 60.0));
+            let sidecar = folder.path().join("rec.stillpoint.mcap");
+            let tail = Running::start(&folder, "tail rec.mcap");
+            wait_for("annotations", || length(&sidecar) > 2000);
+            std::process::Command::new("kill").args([signal, &tail.id().to_string()]).status().unwrap();
+            let run = tail.finish();
+            assert_eq!(run.code, if signal == "-INT" { 130 } else { 143 }, "{}", run.stderr);
+            assert!(run.stderr.contains("goes on from here"), "{}", run.stderr);
+            assert!(folder.names().contains(&"rec.stillpoint.checkpoint".to_owned()), "{:?}", folder.names());
+            let run = Running::start(&folder, "tail rec.mcap").finish().ok();
+            assert!(run.stderr.contains("where it was stopped"), "{}", run.stderr);
+            recorder.join().unwrap();
+        });
+        assert_as_batch(&folder, signal);
+    }
+}
+
+#[test]
+fn a_tail_that_has_finished_has_nothing_to_do_when_it_is_started_again() {
+    let folder = Folder::with_demo();
+    folder.write("rec.mcap", &folder.read("demo.mcap"));
+    folder.say("tail rec.mcap").ok();
+    let before = std::fs::metadata(folder.path().join("rec.annotated.mcap")).unwrap().modified().unwrap();
+    let run = folder.say("tail rec.mcap").ok();
+    assert!(run.stderr.contains("nothing to do"), "{}", run.stderr);
+    let after = std::fs::metadata(folder.path().join("rec.annotated.mcap")).unwrap().modified().unwrap();
+    assert_eq!(before, after);
+    assert_eq!(folder.names(), ["demo.mcap", "rec.annotated.mcap", "rec.mcap"]);
+    folder.refuses("tail rec.mcap --set still.min_fit_s=1.5", 1, &["exists and is not the result"]);
+    folder.say("tail rec.mcap --set still.min_fit_s=1.5 --force").ok();
+}
+
+#[test]
+fn a_checkpoint_of_another_configuration_is_not_gone_on_with() {
+    let folder = Folder::with_demo();
+    let whole = folder.read("demo.mcap");
+    folder.write("rec.mcap", &whole[..whole.len() / 2]);
+    let tail = Running::start(&folder, "tail rec.mcap");
+    wait_for("annotations", || length(&folder.path().join("rec.stillpoint.mcap")) > 2000);
+    tail.kill();
+    folder.write("rec.mcap", &whole);
+    let run = folder.say("tail rec.mcap --set still.min_fit_s=1.5").ok();
+    assert!(run.stderr.contains("the checkpoint is of another configuration: starting anew"), "{}", run.stderr);
+    folder.say("annotate rec.mcap -o batch.mcap --set still.min_fit_s=1.5").ok();
+    assert!(folder.read("batch.mcap") == folder.read("rec.annotated.mcap"));
+}

@@ -1,0 +1,15 @@
+//! Following recordings while they are recorded, by writers that are not ours, through everything that can happen.
+//!
+//! `STILLPOINT_SPEED=1` records in real time, `STILLPOINT_KILLS=300` kills more often; the defaults are short.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod equality;
+mod following;
+mod killed;
+mod recorder;
+mod splits;
+mod troubles;
+mod watched;

@@ -1,0 +1,88 @@
+//! Law: however the bytes of a recording come over time, the result is the same.
+
+use std::fs::File;
+use std::io::Write as _;
+use std::time::Duration;
+
+use proptest::prelude::*;
+use stillpoint::config::Config;
+use stillpoint::run::{self, Access, Following, News, Options, Recording, Stop};
+use stillpoint::simulate::{Scenario, record};
+
+use crate::common::Folder;
+
+fn demo() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    record(&Scenario::builtin("demo").unwrap(), &mut bytes).unwrap();
+    bytes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases.div_ceil(32), ..Default::default() })]
+
+    #[test]
+    fn any_split_of_the_bytes_over_time_gives_the_same_events_and_output(
+        mut places in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+        flip in prop::option::of((any::<prop::sample::Index>(), 1_u8..)),
+    ) {
+        let mut bytes = demo();
+        if let Some((place, by)) = flip {
+            let place = 8 + place.index(bytes.len() - 8);
+            bytes[place] ^= by;
+        }
+        if let Some(cut) = cut {
+            // Not within the header: what the batch run makes of no header is not to be waited for.
+            bytes.truncate(100 + cut.index(bytes.len() - 100));
+        }
+        let mut events = Vec::new();
+        places.sort_by_key(|place| place.index(bytes.len()));
+        let places: Vec<_> = places.iter().map(|place| place.index(bytes.len())).chain([bytes.len()]).collect();
+        let at_once = follow(&bytes, &[bytes.len()], &mut events);
+        let mut again = Vec::new();
+        let in_pieces = follow(&bytes, &places, &mut again);
+        prop_assert_eq!(&events, &again);
+        prop_assert!(at_once == in_pieces, "the outputs differ");
+        prop_assert!(at_once == batch(&bytes), "tail and batch differ");
+    }
+}
+
+/// The result of a recording that grows to each of these lengths, if there is one, and what is told meanwhile.
+fn follow(bytes: &[u8], lengths: &[usize], events: &mut Vec<String>) -> Option<Vec<u8>> {
+    let folder = Folder::new();
+    let (input, output) = (folder.path().join("rec.mcap"), folder.path().join("out.mcap"));
+    let following = Following {
+        poll: Duration::from_millis(1),
+        idle: Duration::from_millis(60),
+        patience: None,
+        keep_sidecar: false,
+        options: Options::default(),
+    };
+    let mut tell = |news: News<'_>| {
+        if let News::Annotation { event, .. } = news {
+            events.push(format!("{event:?}"));
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut file = File::create(&input).unwrap();
+            let mut from = 0;
+            for &until in lengths {
+                file.write_all(&bytes[from..until]).unwrap();
+                from = until;
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        });
+        let done = run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell);
+        done.ok().map(|_| folder.read("out.mcap"))
+    })
+}
+
+fn batch(bytes: &[u8]) -> Option<Vec<u8>> {
+    let folder = Folder::new();
+    folder.write("rec.mcap", bytes);
+    let recording = Recording::open_original(&folder.path().join("rec.mcap"), Access::Read).unwrap();
+    let output = folder.path().join("out.mcap");
+    let done = run::annotate(&recording, &output, &Config::default(), Options::default(), &|_| Ok(()));
+    done.ok().map(|_| folder.read("out.mcap"))
+}

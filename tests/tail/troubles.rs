@@ -1,0 +1,170 @@
+//! What goes wrong with a recording while it is followed: a clear message, and whole output.
+
+use std::process::Command;
+
+use crate::common::Folder;
+use crate::following::{Running, assert_as_batch, length, wait_for};
+use crate::recorder::{Session, Style};
+
+/// Follows a recording to which something happens once there are annotations.
+fn while_followed(folder: &Folder, arguments: &str, style: Style, happens: impl FnOnce()) -> crate::common::Run {
+    let session = Session::six_faces();
+    let path = folder.path().join("rec.mcap");
+    let sidecar = folder.path().join("rec.stillpoint.mcap");
+    std::thread::scope(|scope| {
+        let recorder = scope.spawn(|| session.record(&path, style, 60.0));
+        let tail = Running::start(folder, &format!("tail rec.mcap {arguments}"));
+        wait_for("annotations", || length(&sidecar) > 2000);
+        happens();
+        recorder.join().unwrap();
+        tail.finish()
+    })
+}
+
+#[test]
+fn a_recorder_that_is_killed_in_a_chunk_leaves_what_the_batch_run_makes_of_it() {
+    let session = Session::six_faces();
+    for seeking in [true, false] {
+        let folder = Folder::new();
+        let style = Style { seeking, ..Style::default() };
+        let last = session.len() / 2 + 17;
+        session.record_while(&folder.path().join("rec.mcap"), style, f64::INFINITY, |written| written < last);
+        let run = folder.say("tail rec.mcap --idle-timeout 300ms");
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("warning: damaged at byte"), "{}", run.stderr);
+        assert_eq!(folder.names(), ["rec.annotated.mcap", "rec.mcap"]);
+        assert_as_batch(&folder, "killed recorder");
+        let run = folder.say("tail rec.mcap --idle-timeout 300ms").ok();
+        assert!(run.stderr.contains("nothing to do"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_recording_that_is_deleted_or_replaced_is_followed_to_its_end() {
+    for replaced in [false, true] {
+        let folder = Folder::new();
+        let run = while_followed(&folder, "", Style::default(), || {
+            // A second name keeps the bytes for the comparison.
+            std::fs::hard_link(folder.path().join("rec.mcap"), folder.path().join("kept.mcap")).unwrap();
+            match replaced {
+                true => {
+                    folder.write("other.mcap", b"another recording");
+                    std::fs::rename(folder.path().join("other.mcap"), folder.path().join("rec.mcap")).unwrap();
+                }
+                false => std::fs::remove_file(folder.path().join("rec.mcap")).unwrap(),
+            }
+        });
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        folder.say("annotate kept.mcap -o batch.mcap").ok();
+        assert!(folder.read("batch.mcap") == folder.read("rec.annotated.mcap"), "replaced: {replaced}");
+    }
+}
+
+#[test]
+fn the_annotations_of_a_recording_that_is_cut_off_or_written_anew_are_kept() {
+    for anew in [false, true] {
+        let folder = Folder::new();
+        let run = while_followed(&folder, "--idle-timeout 2s", Style { seeking: false, ..Style::default() }, || {
+            let path = folder.path().join("rec.mcap");
+            match anew {
+                true => folder.write("rec.mcap", &vec![1; length(&path) as usize + 500_000]),
+                false => std::fs::File::options().write(true).open(&path).unwrap().set_len(100).unwrap(),
+            }
+        });
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("was cut off or written anew"), "{}", run.stderr);
+        assert_eq!(folder.names(), ["rec.mcap", "rec.stillpoint.mcap"]);
+        let sidecar = folder.read("rec.stillpoint.mcap");
+        let summary = mcap::Summary::read(&sidecar).unwrap().unwrap();
+        assert!(summary.stats.unwrap().message_count > 5);
+        assert!(mcap::MessageStream::new(&sidecar).unwrap().all(|message| message.is_ok()));
+        folder.refuses("tail rec.mcap", 1, &["rec.stillpoint.mcap: exists"]);
+    }
+}
+
+#[test]
+fn lost_framing_is_read_around_when_the_recording_has_ended() {
+    let folder = Folder::with_demo();
+    let mut bytes = folder.read("demo.mcap");
+    let third = bytes.len() / 3;
+    let chunk = third + bytes[third..].windows(9).position(|nine| nine[0] == 6 && nine[4..] == [0; 5]).unwrap();
+    bytes[chunk + 7] = 0x40;
+    folder.write("rec.mcap", &bytes);
+    let run = folder.say("tail rec.mcap");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert_as_batch(&folder, "lost framing");
+}
+
+#[test]
+fn what_is_no_recording_is_refused_and_leaves_nothing_behind() {
+    let folder = Folder::new();
+    folder.refuses("tail rec.mcap --idle-timeout 100ms -q", 1, &["rec.mcap", "missing or empty"]);
+    folder.write("rec.mcap", b"something else altogether");
+    folder.refuses("tail rec.mcap -q", 1, &["not an MCAP recording"]);
+    let run = folder.say("tail rec.mcap --idle-timeout soon");
+    assert!(run.code == 2 && run.stderr.contains("write 500ms, 30s"), "{}", run.stderr);
+    let folder = Folder::with_demo();
+    folder.refuses(
+        "tail demo.mcap --set imu=[{topic='/imu/data_raw',accel='nothing'}] -q",
+        1,
+        &["no usable IMU topic"],
+    );
+    folder.say("tail demo.mcap --set imu=[{topic='/imu/data_raw',accel='nothing'}] --allow-no-imu").ok();
+    folder.write("other.annotated.mcap", b"somebody's");
+    folder.refuses("tail other.mcap -q -o other.annotated.mcap", 1, &["other.mcap"]);
+}
+
+#[test]
+fn a_second_tail_of_the_same_recording_is_refused() {
+    let folder = Folder::new();
+    let first = Running::start(&folder, "tail rec.mcap");
+    wait_for("the sidecar", || folder.path().join("rec.stillpoint.mcap").exists());
+    folder.refuses("tail rec.mcap", 1, &["another stillpoint"]);
+    first.kill();
+    folder.refuses("tail rec.mcap --idle-timeout 100ms -q", 1, &["missing or empty"]);
+}
+
+#[test]
+fn a_sidecar_that_is_kept_is_the_one_that_the_batch_run_makes() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap --sidecar -o batch.mcap").ok();
+    folder.say("tail demo.mcap --keep-sidecar").ok();
+    assert!(folder.read("demo.stillpoint.mcap") == folder.read("batch.mcap"));
+    assert_eq!(folder.names(), ["batch.mcap", "demo.annotated.mcap", "demo.mcap", "demo.stillpoint.mcap"]);
+}
+
+#[test]
+fn what_stillpoint_annotated_before_is_annotated_anew() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap -o rec.mcap").ok();
+    folder.say("tail rec.mcap").ok();
+    assert!(folder.read("rec.mcap") == folder.read("rec.annotated.mcap"));
+    folder.say("annotate demo.mcap --sidecar -o other.mcap").ok();
+    folder.refuses("tail other.mcap -q", 1, &["holds annotations alone"]);
+}
+
+#[test]
+fn a_full_disk_is_waited_for() {
+    let folder = Folder::with_demo();
+    // A file system of our own, small at first, that exists for this shell alone.
+    let script = format!(
+        "mkdir out && mount -t tmpfs -o size=64k tmpfs out && head -c 60000 /dev/zero > out/filler || exit 77
+        {program} tail demo.mcap -o out/a.mcap 2> log & tail=$!
+        for i in $(seq 200); do grep -q 'waiting for room' log && break; sleep 0.05; done
+        rm out/filler; sleep 1; mount -o remount,size=64m out && wait $tail; code=$?
+        ls out > names; cp out/a.mcap a.mcap; exit $code",
+        program = env!("CARGO_BIN_EXE_stillpoint")
+    );
+    let command = ["-rm", "sh", "-c", &script];
+    let run = Command::new("unshare").args(command).current_dir(folder.path()).output().unwrap();
+    if run.status.code() == Some(77) || String::from_utf8_lossy(&run.stderr).contains("unshare:") {
+        eprintln!("skipped: this machine lets nobody mount a file system ({run:?})");
+        return;
+    }
+    let log = String::from_utf8(folder.read("log")).unwrap();
+    assert!(run.status.success(), "{run:?} {log}");
+    assert!(log.contains("no space left") && log.contains("waiting for room"), "{log}");
+    assert_eq!(folder.read("names"), b"a.mcap\n");
+    folder.say("annotate demo.mcap -o batch.mcap").ok();
+    assert!(folder.read("a.mcap") == folder.read("batch.mcap"));
+}

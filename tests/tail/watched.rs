@@ -1,0 +1,252 @@
+//! A directory in which recordings appear, grow, split and get damaged, while the service is killed and restarted.
+
+use std::collections::BTreeMap;
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use stillpoint::simulate::{Scenario, record};
+
+use crate::common::Folder;
+use crate::following::{Running, wait_for};
+
+/// How many recordings appear.
+fn recordings() -> usize {
+    std::env::var("STILLPOINT_RECORDINGS").map_or(16, |recordings| recordings.parse().unwrap())
+}
+
+/// A short session; no two seeds record the same.
+fn session(seed: u64) -> Vec<u8> {
+    let mut scenario = Scenario::builtin("demo").unwrap();
+    scenario.pose.truncate(2);
+    scenario.recording.seed = seed;
+    let mut bytes = Vec::new();
+    record(&scenario, &mut bytes).unwrap();
+    bytes
+}
+
+/// A recording that appears, and what is to become of it.
+struct Appearing {
+    path: &'static str,
+    bytes: Vec<u8>,
+    grows: bool,
+    refused: Option<&'static str>,
+}
+
+fn appearing(i: usize) -> Appearing {
+    let whole = session(i as u64);
+    let (half, middle) = (whole.len() * 2 / 3, whole.len() / 2);
+    let of = |path, bytes, grows, refused| Appearing { path, bytes, grows, refused };
+    match i % 8 {
+        0 => of("whole", whole, false, None),
+        1 => of("growing", whole, true, None),
+        2 => of("given_up", whole[..half].to_vec(), true, None),
+        3 => {
+            let mut damaged = whole;
+            damaged[middle] ^= 0x55;
+            of("damaged", damaged, true, None)
+        }
+        4 => of("garbage", vec![7; 5000], false, Some("not an MCAP recording")),
+        5 => of("split/of_0", whole, true, None),
+        6 => of("split/of_1", whole, true, None),
+        _ => of("no_imu", no_imu(), false, Some("no usable IMU topic")),
+    }
+}
+
+fn no_imu() -> Vec<u8> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut file).unwrap();
+    let channel = writer.add_channel(0, "/chatter", "json", &BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    file.into_inner()
+}
+
+fn start(folder: &Folder) -> Running {
+    let line = "watch in --out-dir out --metrics 127.0.0.1:0 --interval 50ms --idle-timeout 1s --poll 5ms";
+    Running::start_logged(folder, line, "log")
+}
+
+/// What the service answers, once it has said where it listens.
+fn get(folder: &Folder, page: &str) -> (String, String) {
+    let address = || {
+        let log = String::from_utf8_lossy(&folder.read("log")).into_owned();
+        Some(log.split("http://").nth(1)?.split('/').next()?.to_owned())
+    };
+    wait_for("an address", || address().is_some());
+    let mut stream = TcpStream::connect(address().unwrap()).unwrap();
+    write!(stream, "GET {page} HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    (head.lines().next().unwrap().to_owned(), body.to_owned())
+}
+
+fn metric(text: &str, name: &str) -> f64 {
+    let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+    line.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
+}
+
+/// Inodes of the results.
+fn results(folder: &Path, found: &mut BTreeMap<PathBuf, u64>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().map(Result::unwrap) {
+        if entry.file_type().unwrap().is_dir() {
+            results(&entry.path(), found);
+        } else if entry.file_name().to_string_lossy().ends_with(".annotated.mcap") {
+            found.insert(entry.path(), entry.metadata().unwrap().ino());
+        }
+    }
+}
+
+#[test]
+fn each_recording_of_a_directory_is_annotated_once_or_put_aside_with_the_reason() {
+    let folder = Folder::new();
+    std::fs::create_dir_all(folder.path().join("in/split")).unwrap();
+    let all: Vec<_> = (0..recordings()).map(|i| (i, appearing(i))).collect();
+    let path = |(i, one): &(usize, Appearing)| folder.path().join(format!("in/{}_{i}.mcap", one.path));
+    let restarts = (recordings() / 10).max(2);
+    let mut before = BTreeMap::new();
+    std::thread::scope(|scope| {
+        let writing = scope.spawn(|| {
+            // A few at a time, in pieces.
+            for some in all.chunks(8) {
+                for piece in 0..10 {
+                    for one in some {
+                        let (from, until) = (one.1.bytes.len() * piece / 10, one.1.bytes.len() * (piece + 1) / 10);
+                        if one.1.grows {
+                            let mut file = std::fs::File::options().create(true).append(true).open(path(one)).unwrap();
+                            file.write_all(&one.1.bytes[from..until]).unwrap();
+                        } else if piece == 5 {
+                            std::fs::write(path(one).with_extension("partial"), &one.1.bytes).unwrap();
+                            std::fs::rename(path(one).with_extension("partial"), path(one)).unwrap();
+                        }
+                    }
+                    std::thread::sleep(Duration::from_millis(60));
+                }
+            }
+        });
+        let mut restarts = 0..restarts;
+        while !writing.is_finished() || restarts.next().is_some() {
+            let running = start(&folder);
+            std::thread::sleep(Duration::from_millis(700));
+            running.kill();
+            let mut now = BTreeMap::new();
+            results(&folder.path().join("out"), &mut now);
+            before.iter().for_each(|(path, ino)| assert_eq!(now.get(path), Some(ino), "{path:?} was done twice"));
+            before = now;
+        }
+    });
+    let running = start(&folder);
+    let (refused, done): (Vec<_>, Vec<_>) = all.iter().partition(|(_, one)| one.refused.is_some());
+    let began = Instant::now();
+    loop {
+        let (_, text) = get(&folder, "/metrics");
+        let state = |state| metric(&text, &format!("stillpoint_recordings{{state=\"{state}\"}}")) as usize;
+        if (state("annotated"), state("quarantined")) == (done.len(), refused.len()) {
+            assert_eq!((state("waiting"), state("following")), (0, 0));
+            break;
+        }
+        let log = || String::from_utf8_lossy(&folder.read("log")).into_owned();
+        assert!(began.elapsed() < Duration::from_secs(120), "not done: {text}\n{}", log());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let status = std::fs::read_to_string(format!("/proc/{}/status", running.id())).unwrap_or_default();
+    let peak =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    assert!(peak.is_none_or(|kilobytes| kilobytes < 400 << 10), "{status}");
+    let mut now = BTreeMap::new();
+    results(&folder.path().join("out"), &mut now);
+    assert_eq!(now.len(), done.len());
+    before.iter().for_each(|(path, ino)| assert_eq!(now.get(path), Some(ino), "{path:?} was done twice"));
+
+    for one in &all {
+        let (input, name) = (path(one), format!("{}_{}", one.1.path, one.0));
+        assert!(std::fs::read(&input).unwrap() == one.1.bytes, "{name} was changed");
+        let (result, quarantine) = (format!("out/{name}.annotated.mcap"), format!("out/{name}.quarantine.json"));
+        match one.1.refused {
+            None => {
+                folder.say(&format!("annotate in/{name}.mcap -o batch.mcap --accept-damage --force -q")).ok();
+                assert!(folder.read(&result) == folder.read("batch.mcap"), "{name}");
+                assert!(!folder.path().join(quarantine).exists());
+            }
+            Some(reason) => {
+                let said = String::from_utf8(folder.read(&quarantine)).unwrap();
+                assert!(said.contains(reason), "{name}: {said}");
+                assert!(!folder.path().join(result).exists());
+            }
+        }
+    }
+    let rest =
+        |name: &String| !name.ends_with(".annotated.mcap") && !name.ends_with(".quarantine.json") && name != "split";
+    let left: Vec<_> = std::fs::read_dir(folder.path().join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let left: Vec<_> = left.into_iter().map(|name| name.into_string().unwrap()).filter(rest).collect();
+    assert!(left.is_empty(), "{left:?}");
+
+    let began = Instant::now();
+    Command::new("kill").args(["-TERM", &running.id().to_string()]).status().unwrap();
+    let run = running.finish();
+    assert_eq!(run.code, 0, "{}", String::from_utf8_lossy(&folder.read("log")));
+    assert!(began.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn what_a_service_counts_adds_up() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    let (mut messages, mut rests, mut bytes) = (0, 0, 0);
+    for seed in 0..3 {
+        folder.write(&format!("in/{seed}.mcap"), &session(seed));
+        let result = folder.say(&format!("annotate in/{seed}.mcap -o {seed}.mcap --json -q")).ok().json();
+        messages += result["messages"].as_u64().unwrap();
+        rests += result["rests"]["found"].as_u64().unwrap();
+        bytes += session(seed).len();
+    }
+    let running = start(&folder);
+    wait_for("three results", || (0..3).all(|seed| folder.path().join(format!("out/{seed}.annotated.mcap")).exists()));
+    let counted = || {
+        let (_, text) = get(&folder, "/metrics");
+        ["messages", "rests", "bytes", "damages", "errors"]
+            .map(|name| metric(&text, &format!("stillpoint_{name}_total")))
+    };
+    let expected = [messages as f64, rests as f64, bytes as f64, 0.0, 0.0];
+    wait_for("the last count", || counted() == expected);
+    let (_, text) = get(&folder, "/metrics");
+    assert!(metric(&text, "stillpoint_samples_total") >= messages as f64 && !text.contains("lag_bytes{"));
+    assert!(get(&folder, "/healthz").0.contains("200") && get(&folder, "/readyz").0.contains("200"));
+    assert!(get(&folder, "/").0.contains("404"));
+
+    // A new configuration is for new recordings, and a wrong one is for none.
+    let hangup = || Command::new("kill").args(["-HUP", &running.id().to_string()]).status().unwrap();
+    hangup();
+    wait_for("the configuration", || String::from_utf8_lossy(&folder.read("log")).contains("was read again"));
+    folder.write("in/again.mcap", &session(9));
+    wait_for("another result", || folder.path().join("out/again.annotated.mcap").exists());
+    Command::new("kill").args(["-TERM", &running.id().to_string()]).status().unwrap();
+    assert_eq!(running.finish().code, 0);
+    assert_eq!(String::from_utf8_lossy(&folder.read("log")).matches("annotated:").count(), 4);
+}
+
+#[test]
+fn a_recording_that_is_recorded_anew_under_its_name_is_annotated_too() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.write("in/rec.mcap", &session(1));
+    let running = start(&folder);
+    wait_for("the first", || folder.path().join("out/rec.annotated.mcap").exists());
+    folder.write("in/next.partial", &session(2)[..40_000]);
+    std::fs::rename(folder.path().join("in/next.partial"), folder.path().join("in/rec.mcap")).unwrap();
+    wait_for("the second", || folder.path().join("out/rec.before-1.annotated.mcap").exists());
+    wait_for("the second", || folder.path().join("out/rec.annotated.mcap").exists());
+    running.kill();
+    let strip = |name: &str| {
+        folder.say(&format!("strip out/{name} -o original.mcap --force")).ok();
+        folder.read("original.mcap")
+    };
+    assert!(strip("rec.before-1.annotated.mcap") == session(1));
+    assert!(strip("rec.annotated.mcap") == session(2)[..40_000]);
+}
