@@ -40,13 +40,13 @@ pub fn stories(recording: &Recording, config: &Config, watch: Watch<'_>) -> Resu
     let inventory = recording.scan(watch, &mut |event: Event<'_>| {
         teller.take(&event, learner.is_none());
         if let Some(learner) = &mut learner {
-            learner.take(event);
+            learner.take(event, &mut |_| {});
             let blocks: Vec<_> = learner.take_blocks().collect();
             blocks.iter().for_each(|block| teller.block(block, learner.topics()));
         }
         Ok(())
     })?;
-    if let Some(learned) = learner.map(Learner::finish) {
+    if let Some(learned) = learner.map(|learner| learner.finish(&mut |_| {})) {
         learned.blocks.iter().for_each(|block| teller.block(block, &learned.topics));
         if learned.imus.is_empty() {
             return Err(no_imu(recording.path(), &inventory, &learned.channels));
@@ -92,7 +92,7 @@ impl Teller {
         for annotation in &block.annotations {
             let Some(topic) = topics.get(annotation.topic) else { continue };
             let imu = topic.name.split_once("/stillpoint/").map_or("", |(imu, _)| imu);
-            self.annotation(imu, &topic.schema_name, topic.message_encoding, annotation.log_time, &annotation.data);
+            self.annotation(imu, &topic.schema_name, &topic.message_encoding, annotation.log_time, &annotation.data);
         }
     }
 
