@@ -16,6 +16,7 @@
 //! # Ok::<(), stillpoint::simulate::Error>(())
 //! ```
 
+mod fault;
 mod message;
 mod pose;
 mod sample;
@@ -26,6 +27,7 @@ mod truth;
 mod validate;
 mod write;
 
+pub use fault::{Axis, Fault};
 pub use sample::{Reading, Samples, samples};
 pub use scenario::{BUILTIN, Compression, Encoding, Motion, Pose, Recording, Scenario, Sensitivity, Triad, Vibration};
 pub use truth::{Rest, TriadTruth, Truth};

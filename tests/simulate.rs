@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use stillpoint::imu::Sensor;
-use stillpoint::simulate::{BUILTIN, Reading, Scenario, TriadTruth, Truth, record, samples};
+use stillpoint::simulate::{Axis, BUILTIN, Fault, Reading, Scenario, TriadTruth, Truth, record, samples};
 
 fn recorded(scenario: &Scenario) -> (Vec<u8>, Truth) {
     let mut bytes = Vec::new();
@@ -213,6 +213,55 @@ fn the_bias_drifts_as_it_is_told() {
     let (first, last) = (still[0], still[still.len() - 1]);
     let drift = (last.measured - first.measured) / last.stamp.seconds_since(first.stamp);
     assert!((drift - Vector3::new(0.01, 0.0, -0.02)).norm() < 1e-9, "{drift}");
+}
+
+#[test]
+fn faults_change_the_readings_and_not_the_sensor() {
+    let sound = Scenario::parse(RICH).unwrap();
+    let faulty = |fault: Fault| {
+        let scenario = edited(RICH, |scenario| scenario.accelerometer.fault = fault);
+        assert_eq!(Truth::of(&scenario).unwrap(), Truth::of(&sound).unwrap());
+        of(&scenario, Sensor::Accelerometer)
+    };
+    let sound = of(&sound, Sensor::Accelerometer);
+
+    let wrong = faulty(Fault { factor: 0.5, flipped: vec![Axis::Z], ..Fault::default() });
+    for (sound, wrong) in sound.iter().zip(&wrong) {
+        assert_eq!(wrong.measured, sound.measured.component_mul(&Vector3::new(0.5, 0.5, -0.5)));
+    }
+    let frozen = faulty(Fault { frozen: vec![Axis::Y], frozen_from_s: 2.0, ..Fault::default() });
+    for (i, pair) in frozen.windows(2).enumerate() {
+        let seconds = pair[1].stamp.seconds_since(frozen[0].stamp);
+        assert_eq!(pair[1].measured.y == pair[0].measured.y, seconds >= 2.0, "{seconds}");
+        assert_eq!(pair[1].measured.x, sound[i + 1].measured.x);
+    }
+    let weightless = faulty(Fault { gravity_removed: true, ..Fault::default() });
+    let rests = weightless.iter().filter(|reading| reading.pose.is_some());
+    // What is left is the bias, the scatter of the placements and the noise.
+    let bias = Vector3::new(-0.382, 0.695, -0.595);
+    assert!(rests.into_iter().all(|reading| (reading.measured - bias).amax() < 0.2));
+}
+
+#[test]
+fn an_estimator_takes_the_bias_away() {
+    let scenario = edited(RICH, |scenario| {
+        let gyroscope = scenario.gyroscope.as_mut().unwrap();
+        (gyroscope.noise, gyroscope.g_sensitivity, gyroscope.g2_sensitivity) = (0.0, None, None);
+        gyroscope.fault.bias_learned_in_s = Some(1.0);
+    });
+    for reading in of(&scenario, Sensor::Gyroscope).iter().filter(|reading| reading.pose == Some(0)) {
+        let seconds = reading.stamp.nanos() as f64 * 1e-9 - 1.7e9;
+        assert!((reading.measured.x - 0.02 * (-seconds).exp()).abs() < 1e-6, "{seconds}");
+    }
+}
+
+#[test]
+fn a_relay_records_every_message_again() {
+    let once = recorded(&Scenario::parse(RICH).unwrap()).0;
+    let twice = recorded(&edited(RICH, |scenario| scenario.recording.copies = 2)).0;
+    let messages = |bytes: &[u8]| mcap::MessageStream::new(bytes).unwrap().map(|m| m.unwrap().data.to_vec()).collect();
+    let (once, twice): (Vec<_>, Vec<_>) = (messages(&once), messages(&twice));
+    assert_eq!(twice, once.iter().flat_map(|data| [data.clone(), data.clone()]).collect::<Vec<_>>());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Error, validate::validate};
+use super::{Error, Fault, validate::validate};
 
 /// The built-in scenarios: name and TOML text, to be printed and edited.
 pub const BUILTIN: [(&str, &str); 3] = [
@@ -65,6 +65,8 @@ pub struct Recording {
     pub chunk_bytes: u32,
     /// Coordinate frame named in each message.
     pub frame_id: String,
+    /// How often each message is recorded: twice if a relay publishes it again, say.
+    pub copies: u8,
 }
 
 impl Default for Recording {
@@ -77,6 +79,7 @@ impl Default for Recording {
             compression: Compression::Zstd,
             chunk_bytes: 256 * 1024,
             frame_id: "imu_link".to_owned(),
+            copies: 1,
         }
     }
 }
@@ -152,6 +155,9 @@ pub struct Triad {
     /// Accelerometer: sensitivity to angular rate, rows of m/s² per rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_sensitivity: Option<[[f64; 3]; 3]>,
+    /// What happens to its readings before they are recorded.
+    #[serde(default)]
+    pub fault: Fault,
 }
 
 /// The matrix **S** that maps true to measured.

@@ -26,6 +26,8 @@ pub(super) struct Sensor {
     memory: f64,
     noise: Vector3<f64>,
     taken: u64,
+    /// What was recorded last.
+    recorded: Option<Vector3<f64>>,
 }
 
 impl Sensor {
@@ -47,6 +49,7 @@ impl Sensor {
             memory,
             random,
             taken: 0,
+            recorded: None,
         }
     }
 
@@ -61,15 +64,20 @@ impl Sensor {
             imu::Sensor::Gyroscope => (state.rate, state.force),
             imu::Sensor::Accelerometer | imu::Sensor::Secondary(_) => (state.force, state.rate),
         };
-        let hours = self.next() as f64 / 3.6e12;
-        let bias = Vector3::from(self.triad.bias) + Vector3::from(self.triad.bias_drift_per_h) * hours;
+        let seconds = self.next() as f64 * 1e-9;
+        let drift = Vector3::from(self.triad.bias_drift_per_h) * (seconds / 3600.0);
+        let bias = Vector3::from(self.triad.bias) * self.triad.fault.bias_left(seconds) + drift;
+        let own = if self.triad.fault.gravity_removed { own - state.gravity } else { own };
         let cross = self.cross * other + self.square.component_mul(&other.component_mul(&other));
         // A first-order Gauss–Markov process, whose standard deviation does not depend on its memory.
         let fresh = self.triad.noise * (1.0 - self.memory * self.memory).sqrt();
         self.noise = self.noise * self.memory + normal(&mut self.random) * fresh;
         self.taken += 1;
         let reading = bias + self.sensitivity * own + cross + self.offset(state) + self.noise;
-        reading.map(|value| self.saturate(self.quantise(value)))
+        let reading = reading.map(|value| self.saturate(self.quantise(value)));
+        let recorded = self.triad.fault.recorded(reading, seconds, self.recorded);
+        self.recorded = Some(recorded);
+        recorded
     }
 
     /// The offset of the placement; on the way from one to the next it goes over smoothly.

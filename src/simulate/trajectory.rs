@@ -21,6 +21,8 @@ const EARTH_RATE: f64 = 7.292_115e-5;
 pub(super) struct State {
     /// True specific force in the sensor's frame, in m/s².
     pub force: Vector3<f64>,
+    /// The part of it that is the reaction to gravity.
+    pub gravity: Vector3<f64>,
     /// True angular rate in the sensor's frame, in rad/s.
     pub rate: Vector3<f64>,
     /// The pose it comes from and the one it goes to, the same while it rests …
@@ -154,6 +156,7 @@ impl Trajectory {
         let vibration: Vector3<f64> = self.vibration.iter().map(|vibration| vibration.at(nanos as f64 * 1e-9)).sum();
         Some(State {
             force: from_world * (Vector3::z() * self.gravity + acceleration) + vibration,
+            gravity: from_world * (Vector3::z() * self.gravity),
             rate: rate + from_world * self.earth,
             poses,
             progress,

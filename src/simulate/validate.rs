@@ -21,6 +21,8 @@ pub(super) fn validate(scenario: &Scenario) -> Result<(), Error> {
     })?;
     within("recording.chunk_bytes", f64::from(scenario.recording.chunk_bytes), 1024.0, 67_108_864.0)?;
 
+    within("recording.copies", f64::from(scenario.recording.copies), 1.0, 9.0)?;
+
     sensors(scenario)?;
 
     let motion = &scenario.motion;
@@ -52,6 +54,8 @@ fn sensors(scenario: &Scenario) -> Result<(), Error> {
     accelerometer("accelerometer", &scenario.accelerometer)?;
     if let Some(gyroscope) = &scenario.gyroscope {
         triad("gyroscope", gyroscope)?;
+        let none = "a gyroscope does not feel gravity";
+        require(!gyroscope.fault.gravity_removed, "gyroscope.fault.gravity_removed", || none.into())?;
         let absent = "a gyroscope has none; cross-axis sensitivity belongs into sensitivity";
         require(gyroscope.rate_sensitivity.is_none(), "gyroscope.rate_sensitivity", || absent.into())?;
         if gyroscope.topic.is_none() {
@@ -87,6 +91,11 @@ fn triad(key: &str, triad: &Triad) -> Result<(), Error> {
     within(&format!("{key}.rate_hz"), triad.rate_hz, 1e-3, 1e6)?;
     within(&format!("{key}.phase_s"), triad.phase_s, 0.0, LONGEST_S)?;
     within(&format!("{key}.noise_correlation_s"), triad.noise_correlation_s, 0.0, LONGEST_S)?;
+    within(&format!("{key}.fault.frozen_from_s"), triad.fault.frozen_from_s, 0.0, LONGEST_S)?;
+    bounded(&format!("{key}.fault.factor"), &[triad.fault.factor])?;
+    if let Some(constant) = triad.fault.bias_learned_in_s {
+        positive(&format!("{key}.fault.bias_learned_in_s"), constant)?;
+    }
     if let Some(range) = triad.range {
         positive(&format!("{key}.range"), range)?;
     }

@@ -38,6 +38,7 @@ struct Recorder<'a, W: io::Write> {
     /// The accelerometer's reading, while the gyroscope's that goes into the same message is awaited.
     awaiting: Option<Reading>,
     shared: bool,
+    copies: u8,
 }
 
 struct Topic {
@@ -74,7 +75,17 @@ impl<'a, W: io::Write> Recorder<'a, W> {
         let secondary = secondary.map(|name| topic(name, Type::Vector)).collect::<Result<_, _>>()?;
         let shared = scenario.gyroscope.is_some() && own.is_none();
         let frame_id = &recording.frame_id;
-        Ok(Self { writer, encoding, frame_id, imu, gyroscope, secondary, awaiting: None, shared })
+        Ok(Self {
+            writer,
+            encoding,
+            frame_id,
+            imu,
+            gyroscope,
+            secondary,
+            awaiting: None,
+            shared,
+            copies: recording.copies,
+        })
     }
 
     fn push(&mut self, reading: &Reading) -> Result<(), Error> {
@@ -99,7 +110,10 @@ impl<'a, W: io::Write> Recorder<'a, W> {
             MessageHeader { channel_id: topic.channel, sequence: topic.sequence, log_time, publish_time: log_time };
         let header_of_data = Header { sequence: topic.sequence, stamp: reading.stamp, frame_id: self.frame_id };
         topic.sequence = topic.sequence.wrapping_add(1);
-        self.writer.write_to_known_channel(&header, &self.encoding.encode(header_of_data, body))?;
+        let data = self.encoding.encode(header_of_data, body);
+        for _ in 0..self.copies {
+            self.writer.write_to_known_channel(&header, &data)?;
+        }
         Ok(())
     }
 }
