@@ -134,9 +134,11 @@ mod tests {
         for (table, text) in [
             ("still", "[still]\nx=1"),
             ("fit", "[fit]\nx=1"),
+            ("fit.fixture", "[fit.fixture]\nx=1"),
             ("fit.bounds", "[fit.bounds]\nx=1"),
             ("output", "[output]\nx=1"),
             ("imu", "[[imu]]\nx=1"),
+            ("imu.reference", "[[imu]]\ntopic='t'\n[imu.reference]\nx=1"),
             ("imu.secondary", "[[imu]]\ntopic='t'\n[[imu.secondary]]\nx=1"),
         ] {
             let mut at = &toml::Value::Table(shown.clone());

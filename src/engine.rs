@@ -33,6 +33,7 @@ mod observe;
 mod outlier;
 mod preset;
 mod publish;
+mod reference;
 mod solve;
 mod suspicion;
 mod turn;
@@ -45,7 +46,8 @@ use serde::{Deserialize, Serialize};
 use self::book::Book;
 use self::judge::Judge;
 use self::publish::Publisher;
-use self::solve::Solution;
+use self::reference::Reference;
+use self::solve::{Known, Solution};
 use self::suspicion::{Cause, Suspicion};
 use self::turn::Turns;
 use crate::Stamp;
@@ -94,6 +96,8 @@ pub struct Config {
     pub secondary: Vec<Secondary>,
     /// Which sensor it is, if that is known; [`Config::of`] sets it with what its datasheet says.
     pub preset: Option<Preset>,
+    /// Whether a reference tells what there was to read.
+    pub reference: bool,
     /// How rests are found.
     pub still: still::Config,
     /// How a calibration is fitted.
@@ -109,6 +113,8 @@ pub struct Secondary {
     pub topic: String,
     /// Which sensor it is, if that is known.
     pub preset: Option<Preset>,
+    /// Which measurement model.
+    pub model: fit::SecondaryModel,
 }
 
 /// Learns the calibration of one IMU.
@@ -116,6 +122,7 @@ pub struct Secondary {
 pub struct Engine {
     config: Config,
     fixture: Fixture,
+    reference: Option<Reference>,
     segmenter: Segmenter,
     book: Book,
     publisher: Publisher,
@@ -135,7 +142,8 @@ impl Engine {
     /// An engine that has seen nothing.
     pub fn new(config: Config) -> Self {
         Self {
-            fixture: Fixture::cube(),
+            fixture: Fixture::new(&config.fit.fixture),
+            reference: config.reference.then(|| Reference::new(config.still.gap_s)),
             segmenter: Segmenter::new(&config.still, config.secondary.len()),
             book: Book::default(),
             publisher: Publisher::default(),
@@ -150,6 +158,9 @@ impl Engine {
 
     /// Takes a sample; what it taught is appended to `events`.
     pub fn push(&mut self, sensor: Sensor, sample: &Sample, events: &mut Vec<Event>) {
+        if let Some(reference) = &mut self.reference {
+            reference.push(sensor, sample);
+        }
         let outcome = self.segmenter.push(sensor, sample);
         if sensor == Sensor::Gyroscope && outcome != Outcome::Dropped {
             self.turns.push(sample);
@@ -183,6 +194,9 @@ impl Engine {
         self.learn(stamp, log_time, false, events);
         self.segmenter.forget(sensor);
         self.book.forget(sensor);
+        if let Some(reference) = &mut self.reference {
+            reference.forget(sensor);
+        }
         let text = words::new_round(&self.config, sensor);
         events.push(self.log(stamp, log_time, Level::Warning, text));
         let solution = self.solve();
@@ -233,11 +247,12 @@ impl Engine {
 
     /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
-        let Self { config, fixture, segmenter, book, publisher, turns, fix, .. } = self;
+        let Self { config, fixture, segmenter, book, publisher, turns, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         let step = segmenter.accel_step();
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        let mut solution = solve::solve(book.entries_mut(), &judge, config, gravity, step, publisher.shape());
+        let known = Known { gravity, step, kept: publisher.shape(), reference: reference.as_ref() };
+        let mut solution = solve::solve(book.entries_mut(), &judge, config, &known);
         solution.suspicions = suspicion::examine(segmenter, book.entries(), turns, config.preset, &solution);
         suspicion::veto(&mut solution);
         solution
@@ -266,7 +281,8 @@ impl Engine {
             events.push(event(Message::Coverage(coverage)));
         }
         let calibration = publish::calibration(header, &self.book, &self.config, solution);
-        let news = self.publisher.calibration(calibration, at_end);
+        let round = self.publisher.round(&self.book, &self.fixture, self.config.fit.refit);
+        let news = self.publisher.calibration(calibration, at_end, round);
         if let Some(calibration) = &news {
             events.push(event(Message::Calibration(Box::new(calibration.clone()))));
         }

@@ -28,7 +28,7 @@ mod tagged;
 mod verdict;
 mod walk;
 
-pub use config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
+pub use config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, VectorConfig, VectorPath};
 pub use decoder::Decoder;
 pub use fix::Fix;
 pub use intake::{Imu, Intake, MissingTopic, Triad};
@@ -82,15 +82,28 @@ pub enum Sensor {
     Gyroscope,
     /// A further accelerometer that moves with the primary one, by its place in the configuration.
     Secondary(usize),
+    /// What there was to read, by a reference that knows.
+    Reference(Quantity),
+}
+
+/// What a reference knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Quantity {
+    /// True specific force, m/s².
+    Force,
+    /// True angular rate, rad/s.
+    Rate,
 }
 
 impl Sensor {
-    /// A number of its own: 0 for the accelerometer, 1 for the gyroscope, secondaries from 2 on.
+    /// A number of its own: 0 for the accelerometer, 1 for the gyroscope, then the reference, secondaries from 4 on.
     pub fn index(self) -> usize {
         match self {
             Self::Accelerometer => 0,
             Self::Gyroscope => 1,
-            Self::Secondary(i) => i + 2,
+            Self::Secondary(i) => i + 4,
+            Self::Reference(Quantity::Force) => 2,
+            Self::Reference(Quantity::Rate) => 3,
         }
     }
 }

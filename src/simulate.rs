@@ -29,7 +29,9 @@ mod write;
 
 pub use fault::{Axis, Fault};
 pub use sample::{Reading, Samples, samples};
-pub use scenario::{BUILTIN, Compression, Encoding, Motion, Pose, Recording, Scenario, Sensitivity, Triad, Vibration};
+pub use scenario::{
+    BUILTIN, Compression, Encoding, Motion, Pose, Recording, Reference, Scenario, Sensitivity, Triad, Vibration,
+};
 pub use truth::{Rest, TriadTruth, Truth};
 pub use write::record;
 

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use stillpoint::config::{Config, Layer};
 use stillpoint::fit::accelerometer::{self, Assumptions, Observation};
-use stillpoint::fit::{Bounds, Calibration, Estimate, Estimator, Gravity, Shape, Truth};
+use stillpoint::fit::{Bounds, Calibration, Estimate, Estimator, Gravity, Loss, Shape, Truth};
 use stillpoint::run::{self, Recording};
 
 const G: f64 = 9.80665;
@@ -26,6 +26,7 @@ fn fit(observations: &[Observation], shape: Shape, gravity: f64, start: Calibrat
         gravity: Gravity::configured(gravity),
         placement_std: 0.01,
         bounds: &bounds,
+        loss: Loss::Square,
         start,
     };
     accelerometer::fit(observations, &given).ok()

@@ -415,7 +415,7 @@ fn a_drift_between_the_visits_to_the_faces_is_said_with_its_size() {
 #[test]
 fn a_bound_that_holds_a_parameter_back_is_said() {
     let mut config = config();
-    config.fit.bounds = Bounds { accel_bias: [-0.68, 0.68], ..Bounds::default() };
+    config.fit.bounds = Bounds { accel_bias: [-0.68, 0.68].into(), ..Bounds::default() };
     let learned = learn(&Session::new().accelerometer(truth()).rests(&cube(), 4.0), config);
     let accelerometer = learned.accelerometer();
     assert_eq!(vector(&accelerometer.bias).y, 0.68);

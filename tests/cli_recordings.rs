@@ -171,3 +171,16 @@ fn an_encoding_that_nobody_knows_is_refused_by_name() {
     folder.say("strip out.mcap -o stripped.mcap").ok();
     assert!(folder.read("stripped.mcap") == std::fs::read(input).unwrap());
 }
+
+#[test]
+fn spread_poses_in_protobuf_are_never_taken_for_six_faces() {
+    let Some(input) = recording("mpu9150_1_20_poses.protobuf.mcap") else { return };
+    let imu = r#"imu=[{topic="TOPIC", accel="accel_mps2", gyro="gyro_radps"}]"#;
+    let topics = Folder::new().run(["topics".as_ref(), input.as_os_str(), "--json".as_ref()]).ok().json();
+    let imu = imu.replace("TOPIC", topics["topics"][0]["topic"].as_str().unwrap());
+    for settings in [&[imu.as_str()][..], &[&imu, "fit.model=bias-scale"]] {
+        let accelerometer = &annotate(&input, settings).json()["imus"][0]["accelerometer"];
+        assert_ne!(accelerometer["model"], "bias-scale", "{accelerometer}");
+        assert_eq!(settings.len() == 1, accelerometer["model"] == "triangular", "{accelerometer}");
+    }
+}

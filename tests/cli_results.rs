@@ -279,3 +279,30 @@ fn chunks_without_an_imu_are_copied_unread_unless_they_are_to_be_verified() {
     assert_eq!(run.code, 3);
     assert!(run.stderr.contains("a chunk whose CRC does not hold"), "{}", run.stderr);
 }
+
+#[test]
+fn a_rate_table_with_a_reference_topic_calibrates_the_full_model() {
+    let folder = Folder::new();
+    let truth = folder.say("simulate rate-table -o table.mcap --json").ok().json();
+    let imu =
+        "[[imu]]\ntopic = \"/imu/data_raw\"\n[imu.reference]\ntopic = \"/table/state\"\n[fit]\nmodel = \"full\"\n";
+    folder.write("table.toml", imu.as_bytes());
+    let annotated = folder.say("annotate table.mcap -o out.mcap -c table.toml --json").ok().json()["imus"][0].clone();
+    folder.say("export out.mcap --format json -o out.json").ok();
+    let exported: Value = serde_json::from_slice(&folder.read("out.json")).unwrap();
+    assert_eq!(exported["imus"][0]["accelerometer"], annotated["accelerometer"]);
+    for (triad, cross, unknowns) in [("accelerometer", "rate_sensitivity", 21), ("gyroscope", "g_sensitivity", 24)] {
+        let (found, truth) = (&annotated[triad], &truth["truth"][triad]);
+        assert_eq!(found["model"], "full", "{}", found["notes"]);
+        assert_eq!(found["covariance"].as_array().unwrap().len(), unknowns * unknowns);
+        for key in ["sensitivity", cross] {
+            for i in 0..9 {
+                let [found, truth] = [found, truth].map(|of| of[key][i / 3][i % 3].as_f64().unwrap());
+                assert!((found - truth).abs() < 3e-3, "{triad} {key} {i}: {found} {truth}");
+            }
+        }
+    }
+    let topics = folder.say("topics table.mcap -c table.toml").ok().stdout;
+    assert!(topics.contains("reference force of /imu/data_raw"), "{topics}");
+    folder.refuses("annotate table.mcap --set fit.model=full", 2, &["fit.model", "needs a reference"]);
+}

@@ -20,6 +20,7 @@ fn learn(scenario: &Scenario) -> (Truth, Vec<Event>) {
             name: triad.sensor.clone(),
             topic: triad.topic.clone(),
             preset: Some(Preset::Adxl375),
+            ..Secondary::default()
         })
         .collect();
     let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };

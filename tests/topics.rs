@@ -149,7 +149,7 @@ fn a_secondary_accelerometer_may_have_a_clock_and_a_rate_of_its_own() {
         let shake = if seconds % 4.0 < 1.0 { 3.0 } else { 0.02 };
         let wobble = |k: f64| (seconds * k).sin() * shake;
         let mut force = [wobble(917.0), wobble(1313.0), wobble(1709.0)];
-        force[face / 2] += if face % 2 == 0 { G } else { -G };
+        force[face / 2] += if face.is_multiple_of(2) { G } else { -G };
         force
     };
     let mut bytes = std::io::Cursor::new(Vec::new());

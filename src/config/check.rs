@@ -16,6 +16,12 @@ impl Config {
     pub(super) fn check(&self) -> Result<(), Fault> {
         imus(&self.imu)?;
         rests(&self.still)?;
+        if self.fit.model == fit::Model::Full && self.imu.iter().all(|imu| imu.reference.is_none()) {
+            return fault(
+                "fit.model",
+                "`full` needs a reference: name its topic in [imu.reference] of an [[imu]] table",
+            );
+        }
         fit(&self.fit)
     }
 }
@@ -31,6 +37,9 @@ fn imus(imus: &[imu::ImuConfig]) -> Result<(), Fault> {
         }
         if !names.insert(name.trim_start_matches('/')) {
             return fault(&key, format!("two IMUs are called {name}; give one of them another `name`"));
+        }
+        if let Some(reference) = &imu.reference {
+            topic(&format!("imu.{i}.reference.topic"), &reference.topic)?;
         }
         secondaries(i, &imu.secondary)?;
     }
@@ -103,12 +112,33 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     positive("fit.max_error", fit.max_error)?;
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
     not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;
-    let fit::Bounds { accel_bias, accel_scale, gyro_bias, secondary_bias, secondary_scale } = fit.bounds;
-    bounds("fit.bounds.accel_bias", accel_bias)?;
-    bounds("fit.bounds.accel_scale", accel_scale)?;
-    bounds("fit.bounds.gyro_bias", gyro_bias)?;
-    bounds("fit.bounds.secondary_bias", secondary_bias)?;
-    bounds("fit.bounds.secondary_scale", secondary_scale)
+    positive("fit.half_life_s", fit.half_life_s.unwrap_or(1.0))?;
+    fixture(&fit.fixture)?;
+    for (name, bound) in fit.bounds.named() {
+        (0..3).try_for_each(|axis| bounds(&format!("fit.bounds.{name}"), bound.of(axis)))?;
+    }
+    Ok(())
+}
+
+fn fixture(fixture: &fit::FixtureConfig) -> Result<(), Fault> {
+    let accuracy = fixture.accuracy_deg;
+    if !(0.0..=45.0).contains(&accuracy) {
+        return fault("fit.fixture.accuracy_deg", format!("must lie between 0 and 45, is {accuracy}"));
+    }
+    if fixture.mounting_deg.iter().any(|angle| !angle.is_finite()) {
+        return fault("fit.fixture.mounting_deg", "must be three finite angles");
+    }
+    let mut names = BTreeSet::from([""]);
+    for (i, face) in fixture.faces.iter().enumerate() {
+        let key = format!("fit.fixture.faces.{i}");
+        if !names.insert(&face.name) {
+            return fault(&format!("{key}.name"), format!("`{}` is taken; choose another name", face.name));
+        }
+        if face.up.iter().any(|part| !part.is_finite()) || face.up == [0.0; 3] {
+            return fault(&format!("{key}.up"), "must be a direction, not zero");
+        }
+    }
+    Ok(())
 }
 
 fn place(fit: &fit::Config) -> Result<(), Fault> {

@@ -128,11 +128,11 @@ impl Judge<'_> {
             return Some((Reason::Creeping, explanation));
         }
         let rate = rest.gyroscope.as_ref()?.mean;
-        let [low, high] = self.fit.bounds.gyro_bias;
         if !self.is_bias(&rate) {
             let explanation = format!(
-                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias [{low}, {high}]: does it turn, or is it in deg/s?",
-                rate.norm()
+                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias {}: does it turn, or is it in deg/s?",
+                rate.norm(),
+                self.fit.bounds.gyro_bias
             );
             return Some((Reason::Turning, explanation));
         }
@@ -146,8 +146,7 @@ impl Judge<'_> {
 
     /// Whether a mean rate may be the bias of a gyroscope that stands.
     fn is_bias(&self, rate: &Vector3<f64>) -> bool {
-        let [low, high] = self.fit.bounds.gyro_bias;
-        rate.iter().all(|rate| (low..=high).contains(rate))
+        rate.iter().enumerate().all(|(axis, rate)| self.fit.bounds.gyro_bias.contains(axis, *rate))
     }
 
     /// The mean rate that the most time at rest agrees on within `max_turn`: the gyroscope's bias, unless it turned

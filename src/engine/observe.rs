@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector3};
 
 use super::book::Entry;
-use super::judge::Poses;
+use super::judge::{Judge, Poses};
 use crate::Stamp;
 use crate::fit::accelerometer::Observation;
 use crate::fit::secondary::Pair;
-use crate::fit::{Calibration, Fixture, Reading, Truth};
+use crate::fit::{self, Calibration, Reading, Truth};
 use crate::still::TriadMean;
 
 /// What the primary accelerometer read on one placement.
@@ -23,59 +23,92 @@ pub(super) struct Placed {
     pub(super) observation: Observation,
 }
 
+/// How old rests count less: what they say varies by twice as much for each half-life.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ageing {
+    latest: Stamp,
+    /// Seconds; without it nothing ages.
+    half_life: Option<f64>,
+}
+
+impl Ageing {
+    pub(super) fn new(entries: &[Entry], half_life: Option<f64>) -> Self {
+        let latest = entries.iter().map(|entry| entry.rest.end).max().unwrap_or_default();
+        Self { latest, half_life }
+    }
+
+    /// Variance by noise of the mean of a placement that ended then, where placements scatter by `std`.
+    fn of(&self, noise: Vector3<f64>, end: Stamp, std: f64) -> Vector3<f64> {
+        let Some(half_life) = self.half_life else { return noise };
+        let factor = libm::exp2(self.latest.seconds_since(end) / half_life);
+        noise.map(|noise| noise * factor + std * std * (factor - 1.0))
+    }
+}
+
 /// The accepted rests, those of one placement as one observation. `step` is the accelerometer's quantisation step.
-pub(super) fn placements(entries: &[Entry], fixture: &Fixture, poses: Poses, step: Option<f64>) -> Vec<Placed> {
-    let mut groups: BTreeMap<_, (usize, Stamp, Vec<&TriadMean>)> = BTreeMap::new();
+pub(super) fn placements(entries: &[Entry], judge: &Judge<'_>, poses: Poses, step: Option<f64>) -> Vec<Placed> {
+    let ageing = Ageing::new(entries, judge.fit.half_life_s);
+    let mut groups: BTreeMap<_, (usize, (Stamp, Stamp), Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
         let Some(face) = entry.verdict.face() else { continue };
         // Of a placement that hesitates between two faces, each face has its part.
         let part = if poses == Poses::OnFaces { face } else { 0 };
         let group = groups.entry((entry.rest.placement, part));
-        let (_, _, means) = group.or_insert((face, entry.rest.start, Vec::new()));
+        let (_, span, means) = group.or_insert((face, (entry.rest.start, entry.rest.end), Vec::new()));
+        span.1 = entry.rest.end.max(span.1);
         means.push(&entry.rest.accelerometer);
     }
     groups
         .into_iter()
-        .filter_map(|((placement, _), (face, start, means))| {
-            let normal = fixture.faces().get(face)?.normal;
+        .filter_map(|((placement, _), (face, (start, end), means))| {
+            let normal = judge.fixture.faces().get(face)?.normal;
             let (mean, noise) = pooled(&means);
             // However long a rest, what rounding does to its mean stays.
-            let noise = noise + rounding(means.first()?, step);
+            let noise = ageing.of(noise + rounding(means.first()?, step), end, judge.fit.placement_std);
             Some(Placed { face, start, observation: Observation { placement, mean, noise, normal } })
         })
         .collect()
 }
 
+/// What two triads read on one placement, and when that ended.
+type Both<'a> = (Vec<&'a TriadMean>, Vec<&'a TriadMean>, Stamp);
+
 /// What the primary and a secondary accelerometer read on each placement, tilted ones included.
-pub(super) fn pairs(entries: &[Entry], secondary: usize) -> Vec<Pair> {
-    let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
+pub(super) fn pairs(entries: &[Entry], config: &fit::Config, secondary: usize) -> Vec<Pair> {
+    let ageing = Ageing::new(entries, config.half_life_s);
+    let mut groups: BTreeMap<u32, Both> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
         let second = entry.rest.secondary.get(secondary).and_then(Option::as_ref);
         if let Some(second) = second.filter(|mean| mean.clipped == 0) {
-            let (primary, secondary) = groups.entry(entry.rest.placement).or_default();
+            let (primary, secondary, end) = groups.entry(entry.rest.placement).or_default();
             primary.push(&entry.rest.accelerometer);
             secondary.push(second);
+            *end = entry.rest.end.max(*end);
         }
     }
-    let pair = |(placement, (first, second)): (u32, (Vec<&TriadMean>, Vec<&TriadMean>))| {
+    let pair = |(placement, (first, second, end)): (u32, Both)| {
         let ((primary, primary_noise), (secondary, secondary_noise)) = (pooled(&first), pooled(&second));
+        let secondary_noise = ageing.of(secondary_noise, end, config.placement_std);
         Pair { placement, primary, secondary, primary_noise, secondary_noise }
     };
     groups.into_iter().map(pair).collect()
 }
 
 /// What the gyroscope read during each placement that is no turn, beside the specific force as far as it is known.
-pub(super) fn rates(entries: &[Entry], accelerometer: Option<&Calibration>) -> Vec<Reading> {
-    let mut groups: BTreeMap<u32, (Vec<&TriadMean>, Vec<&TriadMean>)> = BTreeMap::new();
+pub(super) fn rates(entries: &[Entry], config: &fit::Config, accelerometer: Option<&Calibration>) -> Vec<Reading> {
+    let ageing = Ageing::new(entries, config.half_life_s);
+    let mut groups: BTreeMap<u32, Both> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
         if let Some(gyroscope) = &entry.rest.gyroscope {
-            let (rates, forces) = groups.entry(entry.rest.placement).or_default();
+            let (rates, forces, end) = groups.entry(entry.rest.placement).or_default();
             rates.push(gyroscope);
             forces.push(&entry.rest.accelerometer);
+            *end = entry.rest.end.max(*end);
         }
     }
-    let reading = |(rates, forces): (Vec<&TriadMean>, Vec<&TriadMean>)| {
+    let reading = |(rates, forces, end): Both| {
         let ((mean, noise), (force, _)) = (pooled(&rates), pooled(&forces));
+        let noise = ageing.of(noise, end, config.rate_std);
         let other = accelerometer.map_or(Vector3::zeros(), |calibration| calibration.correct(&force));
         Reading { mean, noise, truth: Truth { other, ..Truth::default() }, truth_noise: Matrix3::zeros() }
     };

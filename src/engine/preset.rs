@@ -16,11 +16,11 @@ impl Config {
         let (still, bounds) = (still::Config::default(), Bounds::default());
         let Promise { noise, bias, scale, .. } = sheet.accelerometer;
         set(&mut self.still.accel_ceiling, still.accel_ceiling, BENCH * noise);
-        set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, [-bias, bias]);
-        set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale);
+        set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, [-bias, bias].into());
+        set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.into());
         if let Some(Promise { noise, bias, .. }) = sheet.gyroscope {
             set(&mut self.still.gyro_ceiling, still.gyro_ceiling, BENCH * noise);
-            set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, [-bias, bias]);
+            set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, [-bias, bias].into());
         }
         self.preset = Some(preset);
         self
@@ -31,8 +31,8 @@ impl Config {
 pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
     let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
     let default = Bounds::default();
-    set(&mut bounds.secondary_bias, default.secondary_bias, [-bias, bias]);
-    set(&mut bounds.secondary_scale, default.secondary_scale, scale);
+    set(&mut bounds.secondary_bias, default.secondary_bias, [-bias, bias].into());
+    set(&mut bounds.secondary_scale, default.secondary_scale, scale.into());
     bounds
 }
 
@@ -49,10 +49,10 @@ mod tests {
     #[test]
     fn what_was_set_wins_over_a_preset_and_a_preset_over_the_default() {
         let mut config = Config::default();
-        config.fit.bounds.accel_scale = [0.9, 1.1];
+        config.fit.bounds.accel_scale = [0.9, 1.1].into();
         let config = config.of(Preset::Mpu9250);
-        assert_eq!(config.fit.bounds.accel_scale, [0.9, 1.1]);
-        let most = config.fit.bounds.accel_bias[1];
+        assert_eq!(config.fit.bounds.accel_scale, [0.9, 1.1].into());
+        let most = config.fit.bounds.accel_bias.of(0)[1];
         assert!((most - 1.74).abs() < 0.01, "{most}");
         assert!(config.still.gyro_ceiling < still::Config::default().gyro_ceiling);
     }

@@ -8,7 +8,7 @@ use super::solve::Solution;
 use super::words;
 use super::{Config, Secondary};
 use crate::Stamp;
-use crate::fit::{Estimate, Fixture, Shape, Term};
+use crate::fit::{Estimate, Fixture, Refit, Shape, Term};
 use crate::imu::Sensor;
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
@@ -17,6 +17,15 @@ use crate::still::TriadMean;
 /// So many repeats of a face confirm a calibration.
 pub(super) const CONFIRMING_REPEATS: usize = 3;
 
+/// The placements since the last published calibration of the accelerometer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Round {
+    /// Whether it is time for another.
+    is_whole: bool,
+    /// End of the last rest.
+    end: Option<Stamp>,
+}
+
 /// Remembers what was published.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Publisher {
@@ -24,6 +33,8 @@ pub(super) struct Publisher {
     coverage: Option<messages::Coverage>,
     #[serde(serialize_with = "encode", deserialize_with = "decode")]
     calibration: Option<messages::Calibration>,
+    /// The end of the last rest that a published calibration of the accelerometer knew.
+    round: Option<Stamp>,
 }
 
 impl Publisher {
@@ -39,11 +50,23 @@ impl Publisher {
         Some(coverage)
     }
 
+    /// How far the round of placements is that followed the last published calibration of the accelerometer.
+    pub(super) fn round(&self, book: &Book, fixture: &Fixture, refit: Refit) -> Round {
+        let accepted = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
+        let fresh = |face: usize| {
+            accepted().any(|entry| entry.verdict.face() == Some(face) && self.round < Some(entry.rest.start))
+        };
+        let is_whole = refit == Refit::Segment || (0..fixture.faces().len()).all(fresh);
+        Round { is_whole, end: accepted().map(|entry| entry.rest.end).max() }
+    }
+
     /// The model of the accelerometer that was published last, if that was determined.
     pub(super) fn shape(&self) -> Option<Shape> {
         match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
             Model::BiasScale => Some(Shape::DIAGONAL),
             Model::Triangular => Some(Shape::TRIANGULAR),
+            Model::CrossAxis => Some(Shape::MATRIX),
+            Model::Full => Some(Shape::FULL_ACCELEROMETER),
             _ => None,
         }
     }
@@ -54,7 +77,11 @@ impl Publisher {
         &mut self,
         mut calibration: messages::Calibration,
         at_end: bool,
+        round: Round,
     ) -> Option<messages::Calibration> {
+        if !(at_end || round.is_whole || self.round.is_none()) {
+            return None;
+        }
         let worth = match &self.calibration {
             None => triads(&calibration).any(is_determined),
             Some(last) => {
@@ -66,6 +93,9 @@ impl Publisher {
             return None;
         }
         calibration.revision = self.calibration.as_ref().map_or(1, |last| last.revision + 1);
+        if calibration.accelerometer.as_ref().is_some_and(is_determined) {
+            self.round = round.end;
+        }
         self.calibration = Some(calibration.clone());
         Some(calibration)
     }
@@ -162,9 +192,11 @@ pub(super) fn calibration(
 /// Repeats beyond one placement a face are what can contradict a fit.
 fn accelerometer_status(solution: &Solution) -> Status {
     let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
+    // Beside a reference every sample can contradict.
+    let repeats = if fit.shape == Shape::FULL_ACCELEROMETER { CONFIRMING_REPEATS } else { solution.repeats };
     match solution.drift.is_some() || !solution.doubts.is_empty() {
         true => Status::Provisional,
-        false => status(solution.repeats, fit),
+        false => status(repeats, fit),
     }
 }
 
@@ -236,7 +268,10 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
         let note = silent.then_some(note).filter(|_| notes.is_empty());
         return Triad { notes: notes.into_iter().chain(note).collect(), ..named };
     };
-    let repeats = solution.gyro_placements.saturating_sub(1);
+    let repeats = match fit.shape {
+        Shape::FULL_GYROSCOPE => CONFIRMING_REPEATS,
+        _ => solution.gyro_placements.saturating_sub(1),
+    };
     let notes = words::active_bounds(fit).into_iter().chain(notes).collect();
     Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) }
 }
@@ -279,6 +314,7 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
         residual_rms: Some(fit.residual_rms),
         chi2_per_dof: fit.chi2_per_dof,
         condition: Some(fit.condition),
+        placement_std: fit.placement_std.clone(),
         ..named
     };
     if !shape.has(Term::Own(0, 0)) {

@@ -10,11 +10,13 @@ use super::judge::{Judge, Poses};
 use super::observe::{self, Placed};
 use super::outlier::{self, Doubt, LeftOut, Sound};
 use super::preset::secondary_bounds;
+use super::reference::Reference;
 use super::suspicion::Suspicion;
 use super::words;
 use crate::fit::accelerometer::Assumptions;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Model, Place, Shape, Source, directions, guess, gyroscope, secondary,
+    self, Calibration, Estimate, Gravity, Loss, Model, Place, SecondaryModel, Shape, Source, accelerometer, directions,
+    guess, gyroscope, posed, secondary,
 };
 use crate::messages::segment::Reason;
 
@@ -40,8 +42,6 @@ pub(super) struct Solution {
     pub(super) coarse_step: Option<f64>,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
-    /// The direction furthest from those seen, by name, while a model that takes any direction has too few.
-    pub(super) unseen: Option<String>,
     /// The accelerometer's calibration as it was guessed before anything was fitted.
     pub(super) guessed: Calibration,
     /// What speaks against the readings.
@@ -49,6 +49,19 @@ pub(super) struct Solution {
     /// What contradicts itself and cannot be decided, in words.
     pub(super) doubts: Vec<String>,
     pub(super) drift: Option<Drift>,
+    /// What would determine the accelerometer if it is not.
+    pub(super) missing: Missing,
+}
+
+/// What a model of the accelerometer needs more of.
+#[derive(Clone, Debug)]
+pub(super) enum Missing {
+    /// The faces of the fixture.
+    Faces,
+    /// Any directions; the one furthest from those seen, by name.
+    Direction(String),
+    /// Motion beside the reference.
+    Motion,
 }
 
 /// The gravity to fit with.
@@ -61,15 +74,18 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     }
 }
 
-/// Judges every rest anew and fits what the good ones determine. `kept` is the model that was published last.
-pub(super) fn solve(
-    entries: &mut [Entry],
-    judge: &Judge<'_>,
-    config: &Config,
-    gravity: Gravity,
-    step: Option<f64>,
-    kept: Option<Shape>,
-) -> Solution {
+/// What is known beside the rests.
+pub(super) struct Known<'a> {
+    pub(super) gravity: Gravity,
+    /// The accelerometer's quantisation step, m/s².
+    pub(super) step: Option<f64>,
+    /// The model that was published last.
+    pub(super) kept: Option<Shape>,
+    pub(super) reference: Option<&'a Reference>,
+}
+
+/// Judges every rest anew and fits what the good ones, or a reference, determine.
+pub(super) fn solve(entries: &mut [Entry], judge: &Judge<'_>, config: &Config, known: &Known<'_>) -> Solution {
     judge.sort_out(entries);
     let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
     let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
@@ -78,10 +94,12 @@ pub(super) fn solve(
 
     let mut refused = Vec::new();
     let mut attempt = Attempt::new(Poses::OnFaces);
-    for &shape in candidates(config.fit.model) {
+    for &shape in candidates(config.fit.model, known.reference.is_some()) {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
-        let trial = Trial { shape, gravity, step, kept: kept == Some(shape) };
-        attempt = self::attempt(entries, judge, &trial, start);
+        attempt = match known.reference {
+            Some(reference) if beside_reference(shape) => by_reference(entries, judge, shape, reference, known, start),
+            _ => self::attempt(entries, judge, &Trial { shape, known }, start),
+        };
         match &attempt.fit {
             Ok(_) => break,
             Err(why) => refused.push((shape, why.clone())),
@@ -90,25 +108,52 @@ pub(super) fn solve(
     if attempt.fit.is_err() {
         refused.pop();
     }
-    Solution { guessed: start, ..others(entries, config, gravity, step, refused, attempt) }
+    Solution { guessed: start, ..others(entries, judge, config, known, refused, attempt) }
 }
 
 /// Models to try, the richest first.
-fn candidates(model: Model) -> &'static [Shape] {
+fn candidates(model: Model, reference: bool) -> &'static [Shape] {
     match model {
+        Model::Full => &[Shape::FULL_ACCELEROMETER],
+        Model::Auto if reference => &[Shape::FULL_ACCELEROMETER, Shape::TRIANGULAR, Shape::DIAGONAL],
         Model::Auto => &[Shape::TRIANGULAR, Shape::DIAGONAL],
         Model::BiasScale => &[Shape::DIAGONAL],
         Model::Triangular => &[Shape::TRIANGULAR],
+        Model::CrossAxis => &[Shape::MATRIX],
     }
 }
 
 /// What to try.
-struct Trial {
+struct Trial<'a> {
     shape: Shape,
-    gravity: Gravity,
-    step: Option<f64>,
-    /// Whether the model was published before.
-    kept: bool,
+    known: &'a Known<'a>,
+}
+
+/// Whether a model of the accelerometer is fitted on a reference where there is one.
+fn beside_reference(shape: Shape) -> bool {
+    shape == Shape::FULL_ACCELEROMETER || shape == Shape::MATRIX
+}
+
+/// A model tried on a reference; the rests are only told their faces.
+fn by_reference(
+    entries: &mut [Entry],
+    judge: &Judge<'_>,
+    shape: Shape,
+    reference: &Reference,
+    known: &Known<'_>,
+    start: Calibration,
+) -> Attempt {
+    let (poses, floor) = (Poses::Any, judge.segmenter.status().accel_floor.map(per_axis));
+    let fit = reference.accelerometer(shape, judge.fit, floor);
+    let calibration = fit.as_ref().map_or(start, Estimate::calibration);
+    judge.assign_faces(entries, &calibration, poses);
+    let seen = observe::placements(entries, judge, poses, known.step);
+    Attempt { fit, seen, ..Attempt::new(poses) }
+}
+
+/// Of one axis, what is √(Σ variance) of three.
+fn per_axis(floor: f64) -> f64 {
+    floor / 3_f64.sqrt()
 }
 
 /// One model of the primary accelerometer tried.
@@ -144,7 +189,7 @@ fn attempt(entries: &mut [Entry], judge: &Judge<'_>, trial: &Trial, start: Calib
             break;
         }
         before = verdicts;
-        attempt.seen = observe::placements(entries, judge.fixture, poses, trial.step);
+        attempt.seen = observe::placements(entries, judge, poses, trial.known.step);
         let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
         attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
             leave_out(entries, &left_out);
@@ -179,10 +224,10 @@ fn leave_out(entries: &mut [Entry], left_out: &[LeftOut]) {
 fn fit_accelerometer(
     seen: &mut Vec<Placed>,
     judge: &Judge<'_>,
-    &Trial { shape, gravity, kept, .. }: &Trial,
+    &Trial { shape, known }: &Trial<'_>,
     start: Calibration,
 ) -> Result<Sound, String> {
-    let config = judge.fit;
+    let (config, gravity, kept) = (judge.fit, known.gravity, known.kept == Some(shape));
     match shape {
         Shape::TRIANGULAR if seen.len() < shape.unknowns() => {
             return Err(format!(
@@ -206,11 +251,29 @@ fn fit_accelerometer(
         estimator: config.estimator,
         gravity,
         placement_std: config.placement_std,
+        loss: config.loss,
         bounds: &config.bounds,
         start,
     };
-    let sound = outlier::fit_without(seen, &given, judge.fixture).map_err(|error| error.to_string())?;
+    let observations = || seen.iter().map(|placed| placed.observation).collect::<Vec<_>>();
+    let alone = |fit| Sound { fit, left_out: Vec::new(), doubts: Vec::new() };
+    let sound = match (shape, config.loss) {
+        (Shape::MATRIX, _) => posed::fit(&observations(), &given, config.fixture.accuracy_deg.to_radians()).map(alone),
+        // Under Huber's loss what contradicts is kept, and counts little.
+        (_, Loss::Huber) => accelerometer::fit(&observations(), &given).map(alone),
+        (_, Loss::Square) => outlier::fit_without(seen, &given, judge.fixture),
+    };
+    let sound = sound.map_err(|error| error.to_string())?;
     let fit = &sound.fit;
+    if shape == Shape::MATRIX && !fit.agrees() {
+        return Err(format!(
+            "the faces of the fixture do not point where they should: what is left over has an rms of {:.3} m/s², more than \
+             {:.3}. Is the fixture accurate, level, and of this kind? bias-scale does not need it to be{}",
+            fit.residual_rms,
+            fit.residual_limit,
+            words::also(&words::active_bounds(fit))
+        ));
+    }
     if !fit.agrees() {
         return Err(format!(
             "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}{}",
@@ -238,9 +301,9 @@ const HYSTERESIS: f64 = 1.5;
 /// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
 fn others(
     entries: &[Entry],
+    judge: &Judge<'_>,
     Config { fit: config, secondary, still, .. }: &Config,
-    gravity: Gravity,
-    step: Option<f64>,
+    known: &Known<'_>,
     refused: Vec<(Shape, String)>,
     Attempt { fit: accelerometer, seen, ups, poses, doubts, drift }: Attempt,
 ) -> Solution {
@@ -250,26 +313,39 @@ fn others(
         if let Some(preset) = secondary.preset {
             bounds = secondary_bounds(bounds, preset);
         }
-        fit_secondary(entries, i, config, &bounds, primary)
+        fit_secondary(entries, (i, secondary.model), config, &bounds, primary)
     });
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
-    let rates = observe::rates(entries, calibration.as_ref());
+    let rates = observe::rates(entries, config, calibration.as_ref());
     let at_rest = entries.iter().filter(|entry| entry.verdict.is_at_rest());
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
-    let gyroscope = gyroscope::fit(Shape::BIAS, &rates, config.rate_std, &config.bounds);
+    let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
+    let floor = judge.segmenter.status().gyro_floor.map(per_axis);
+    let rich = match (primary.map(|fit| fit.shape), known.reference) {
+        (Some(Shape::FULL_ACCELEROMETER), Some(reference)) => {
+            reference.gyroscope(Shape::FULL_GYROSCOPE, config, floor).ok()
+        }
+        (Some(Shape::MATRIX), Some(reference)) => reference.gyroscope(Shape::GYROSCOPE_AT_REST, config, floor).ok(),
+        (Some(Shape::MATRIX), None) => gyroscope(Shape::GYROSCOPE_AT_REST).ok(),
+        _ => None,
+    };
     Solution {
-        gravity,
+        gravity: known.gravity,
         placements: seen.len(),
-        unseen: (poses == Poses::Any && primary.is_none()).then(|| unseen(&ups)),
+        missing: match poses {
+            _ if config.model == Model::Full => Missing::Motion,
+            Poses::Any => Missing::Direction(unseen(&ups)),
+            Poses::OnFaces => Missing::Faces,
+        },
         repeats: primary.map_or(0, |_| repeats(&seen, &ups, poses)),
-        coarse_step: step.filter(|&step| observe::is_coarse(entries, step)),
+        coarse_step: known.step.filter(|&step| observe::is_coarse(entries, step)),
         accelerometer,
         refused,
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
         drift,
         gyro_placements: rates.len(),
-        gyroscope: gyroscope.ok().filter(|_| believed),
+        gyroscope: rich.or_else(|| gyroscope(Shape::BIAS).ok().filter(|_| believed)),
         secondary,
         guessed: Calibration::default(),
         suspicions: Vec::new(),
@@ -309,24 +385,32 @@ fn repeats(seen: &[Placed], ups: &[Vector3<f64>], poses: Poses) -> usize {
 
 fn fit_secondary(
     entries: &[Entry],
-    index: usize,
+    (index, model): (usize, SecondaryModel),
     config: &fit::Config,
     bounds: &fit::Bounds,
     primary: Option<&Estimate>,
 ) -> Result<Estimate, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
-    let pairs = observe::pairs(entries, index);
+    let pairs = observe::pairs(entries, config, index);
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    let fit = secondary::fit(Shape::DIAGONAL, &pairs, primary, config.placement_std, bounds);
-    let fit = fit.map_err(|error| error.to_string())?;
+    let fit = |shape| secondary::fit(shape, &pairs, primary, config.placement_std, bounds, config.loss);
+    let shape = match model {
+        SecondaryModel::BiasScale => Shape::DIAGONAL,
+        SecondaryModel::CrossAxis => Shape::MATRIX,
+    };
+    let fit = (fit(shape).map_err(|error| error.to_string())?, fit);
+    let (fit, with) = fit;
     if !fit.agrees() {
         return Err(format!(
-            "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. Check its \
-             axes, unit and time stamps{}",
+            "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. {}{}",
             fit.residual_rms,
             fit.residual_limit,
+            match shape == Shape::DIAGONAL && with(Shape::MATRIX).is_ok_and(|other| other.agrees()) {
+                true => "It is turned beside it, or its axes are skewed: set its model = \"cross-axis\"",
+                false => "Check its axes, unit and time stamps",
+            },
             words::also(&words::active_bounds(&fit))
         ));
     }

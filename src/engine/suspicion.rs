@@ -129,6 +129,7 @@ pub(super) fn veto(solution: &mut Solution) {
                     *secondary = Err(suspicion.text.clone());
                 }
             }
+            Sensor::Reference(_) => {}
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Config;
 use super::book::Entry;
 use super::drift::Drift;
 use super::publish::CONFIRMING_REPEATS;
-use super::solve::Solution;
+use super::solve::{Missing, Solution};
 use crate::fit::{Calibration, Estimate, Gravity, Shape, Source, Term};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
@@ -16,13 +16,16 @@ use crate::still::{self, Segmenter, State};
 pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status: Status) -> String {
     let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
     let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
+    match (&solution.missing, &solution.accelerometer) {
+        (Missing::Motion, Err(why)) => return format!("no calibration: {why}"),
+        (Missing::Direction(unseen), Err(why)) if found > 0 => {
+            return format!("{why}. Turn the sensor so that {unseen} points up and let it rest for two seconds");
+        }
+        _ => {}
+    }
     match (missing.as_slice(), &solution.accelerometer, status) {
         ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
             format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
-        }
-        (_, Err(why), _) if solution.unseen.is_some() => {
-            let unseen = solution.unseen.as_deref().unwrap_or_default();
-            format!("{why}. Turn the sensor so that {unseen} points up and let it rest for two seconds")
         }
         ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for two seconds"),
         ([first, ..], _, _) => format!(
@@ -100,6 +103,7 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
         Sensor::Accelerometer => "accelerometer",
         Sensor::Gyroscope => "gyroscope",
         Sensor::Secondary(i) => config.secondary.get(i).map_or("secondary", |secondary| &secondary.name),
+        Sensor::Reference(_) => "reference",
     }
 }
 
@@ -142,6 +146,7 @@ pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
         Sensor::Accelerometer => "show every face again",
         Sensor::Gyroscope => "let the sensor rest again",
         Sensor::Secondary(_) => "show the faces again",
+        Sensor::Reference(_) => "move the sensor again",
     };
     format!("the driver changed its own calibration of the {name}: what it read before no longer counts; {advice}")
 }

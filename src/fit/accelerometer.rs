@@ -9,8 +9,9 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::bars::{Bars, Sharing};
+use super::bound::Bounds;
 use super::calibration::Calibration;
-use super::config::{Bounds, Estimator};
+use super::config::{Estimator, Loss};
 use super::estimate::{Estimate, Origin};
 use super::gravity::Gravity;
 use super::lsqlin;
@@ -42,6 +43,8 @@ pub struct Assumptions<'a> {
     pub gravity: Gravity,
     /// Scatter of specific force from placement to placement, while repeats do not show it, m/s².
     pub placement_std: f64,
+    /// How equations that are left over count.
+    pub loss: Loss,
     /// Limits of the parameters.
     pub bounds: &'a Bounds,
     /// A guess, for models that the faces do not determine.
@@ -98,7 +101,7 @@ fn on_fixture(
         let noise = seen.normal.component_mul(&seen.normal).dot(&seen.noise);
         system.push(&seen.normal, &Truth::of(truth), seen.normal.dot(&seen.mean), noise + lost * lost, between);
     }
-    let solved = system.solve(&limits(given.shape, |term| given.bounds.accelerometer(term)))?;
+    let solved = system.solve(&limits(given.shape, |term| given.bounds.accelerometer(term)), given.loss)?;
     Ok(Stage { calibration: given.shape.calibration(&solved.solution.x), solved })
 }
 
@@ -121,7 +124,7 @@ fn on_magnitude(
             system.push(&-by_measured, &truth, -residual, noise, between);
         }
         let here = given.shape.vector(&calibration);
-        let solved = system.solve(&(&low - &here, &high - &here))?;
+        let solved = system.solve(&(&low - &here, &high - &here), given.loss)?;
         calibration = given.shape.calibration(&(here + &solved.solution.x));
         if (&solved.design * &solved.solution.x).amax() < ENOUGH {
             return Ok(Stage { calibration, solved });
@@ -176,6 +179,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars,
         residual_limit: (5.0 * libm::hypot(white.sqrt(), given.placement_std)).max(ALLOWANCE),
         chi2_per_dof: bars.chi2_per_dof(),
         freedom: bars.freedom(),
+        placement_std: bars.placement_std(),
         condition: stage.solved.solution.condition,
         active: stage.solved.solution.active,
         origin: Some(origin),

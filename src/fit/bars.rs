@@ -83,7 +83,12 @@ impl Bars {
         self.scatter.iter().map(Scatter::freedom).sum()
     }
 
-    /// The same: likeliest, and such that 1.96 of its roots bound 95 %.
+    /// The roots of those, one for all axes or one each.
+    pub fn placement_std(&self) -> Vec<f64> {
+        self.scatter.iter().map(|scatter| scatter.typical().sqrt()).collect()
+    }
+
+    /// Variance between placements: likeliest, and such that 1.96 of its roots bound 95 %.
     pub fn between_placements(&self) -> [f64; 2] {
         let scatter = self.of_axis(0);
         [scatter.typical(), scatter.std(1.0, 0.0).powi(2)]

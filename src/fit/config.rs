@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::bound::Bounds;
 use super::gravity::Place;
-use super::shape::Term;
 
 /// How a calibration is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +31,14 @@ pub struct Config {
     pub rate_std: f64,
     /// How far a corrected reading may err in any direction, at 95 %, for a model that needs no faces to be believed, m/s².
     pub max_error: f64,
+    /// How equations that are left over count.
+    pub loss: Loss,
+    /// When a calibration is fitted anew.
+    pub refit: Refit,
+    /// Age at which a placement counts half, in seconds: lets a calibration follow drift. Unset, none ages.
+    pub half_life_s: Option<f64>,
+    /// What the IMU is placed on.
+    pub fixture: FixtureConfig,
     /// Datasheet limits.
     pub bounds: Bounds,
 }
@@ -48,6 +56,10 @@ impl Default for Config {
             placement_std: 0.01,
             rate_std: 1e-3,
             max_error: 0.1,
+            loss: Loss::Square,
+            refit: Refit::Segment,
+            half_life_s: None,
+            fixture: FixtureConfig::default(),
             bounds: Bounds::default(),
         }
     }
@@ -71,6 +83,87 @@ pub enum Model {
     BiasScale,
     /// Bias and lower-triangular sensitivity, nine unknowns: needs nine or more placements in spread directions, any.
     Triangular,
+    /// Bias and all of the sensitivity, twelve unknowns: needs a fixture that is accurate. Of the gyroscope, bias,
+    /// sensitivity to specific force and to its square, fifteen unknowns.
+    CrossAxis,
+    /// That, the sensitivity of each triad to what the other measures, and the gyroscope's own: 21 and 24 unknowns. Needs a
+    /// reference that knows the true specific force and angular rate, in motion.
+    Full,
+}
+
+/// A measurement model of a secondary accelerometer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SecondaryModel {
+    /// Bias and diagonal sensitivity.
+    #[default]
+    BiasScale,
+    /// Bias and all of the sensitivity, whatever way it is mounted beside the primary one.
+    CrossAxis,
+}
+
+/// How equations that are left over count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Loss {
+    /// By their squares.
+    #[default]
+    Square,
+    /// By their squares up to 1.345 standard deviations, by their distance beyond (Huber).
+    Huber,
+}
+
+/// When a calibration is fitted anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Refit {
+    /// With every rest.
+    #[default]
+    Segment,
+    /// Once every face of the fixture was seen again.
+    Round,
+}
+
+/// What the IMU is placed on: the directions that gravity is meant to take.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FixtureConfig {
+    /// A solid that the IMU sits in, its axes those of the IMU.
+    pub solid: Solid,
+    /// How the IMU is turned in it, as a rotation vector in degrees: from its own axes to those of the solid.
+    pub mounting_deg: [f64; 3],
+    /// How accurate the directions are, for `cross-axis`: one standard deviation, in degrees.
+    pub accuracy_deg: f64,
+    /// The faces, if they are those of no solid.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faces: Vec<FaceConfig>,
+}
+
+impl Default for FixtureConfig {
+    fn default() -> Self {
+        Self { solid: Solid::Cube, mounting_deg: [0.0; 3], accuracy_deg: 0.05, faces: Vec::new() }
+    }
+}
+
+/// A solid with an IMU in it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solid {
+    /// Six faces, one along each axis.
+    #[default]
+    Cube,
+    /// Twelve.
+    Dodecahedron,
+}
+
+/// One face.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaceConfig {
+    /// What it is called.
+    pub name: String,
+    /// What points up while the IMU rests on it, of any length.
+    pub up: [f64; 3],
 }
 
 /// Where the fit of the accelerometer stops.
@@ -82,62 +175,4 @@ pub enum Estimator {
     Magnitude,
     /// After the regression on the fixture's faces, as the thesis does.
     Fixture,
-}
-
-/// Limits on the parameters, as `[lower, upper]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Bounds {
-    /// Accelerometer bias, m/s².
-    pub accel_bias: [f64; 2],
-    /// Accelerometer scale, dimensionless.
-    pub accel_scale: [f64; 2],
-    /// Gyroscope bias, rad/s.
-    pub gyro_bias: [f64; 2],
-    /// Bias of a secondary accelerometer, m/s².
-    pub secondary_bias: [f64; 2],
-    /// Scale of a secondary accelerometer, dimensionless.
-    pub secondary_scale: [f64; 2],
-}
-
-impl Bounds {
-    /// Of a parameter of the primary accelerometer.
-    pub fn accelerometer(&self, term: Term) -> [f64; 2] {
-        match term {
-            Term::Bias(_) => self.accel_bias,
-            Term::Own(row, column) if row == column => self.accel_scale,
-            _ => UNBOUNDED,
-        }
-    }
-
-    /// Of a parameter of the gyroscope.
-    pub fn gyroscope(&self, term: Term) -> [f64; 2] {
-        match term {
-            Term::Bias(_) => self.gyro_bias,
-            _ => UNBOUNDED,
-        }
-    }
-
-    /// Of a parameter of a secondary accelerometer.
-    pub fn secondary(&self, term: Term) -> [f64; 2] {
-        match term {
-            Term::Bias(_) => self.secondary_bias,
-            Term::Own(row, column) if row == column => self.secondary_scale,
-            _ => UNBOUNDED,
-        }
-    }
-}
-
-const UNBOUNDED: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
-impl Default for Bounds {
-    fn default() -> Self {
-        Self {
-            accel_bias: [-8.0, 8.0],
-            accel_scale: [0.8, 1.25],
-            gyro_bias: [-0.35, 0.35],
-            secondary_bias: [-20.0, 20.0],
-            secondary_scale: [0.5, 2.0],
-        }
-    }
 }

@@ -9,6 +9,7 @@ use nalgebra::DVector;
 
 use super::accelerometer::{Assumptions, Line, Observation};
 use super::config::Estimator;
+use super::config::Loss;
 use super::estimate::Estimate;
 use super::scatter::trust;
 use super::shape::Shape;
@@ -83,7 +84,7 @@ pub fn contradiction(
     for line in &lines {
         system.push(&-line.by_measured, &line.truth, -line.residual, line.noise, assumed);
     }
-    let solved = system.solve(&limits(given.shape, |_| [f64::NEG_INFINITY, f64::INFINITY])).ok()?;
+    let solved = system.solve(&limits(given.shape, |_| [f64::NEG_INFINITY, f64::INFINITY]), Loss::Square).ok()?;
     let gain = solved.gain();
     let squares = solved.left.norm_squared();
     let trust = trust(freedom);
@@ -176,6 +177,7 @@ mod tests {
             gravity: Gravity::configured(G),
             placement_std: 0.01,
             bounds: &bounds,
+            loss: Loss::Square,
             start: truth,
         };
         let fit = accelerometer::fit(&observations, &given).unwrap();

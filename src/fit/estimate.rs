@@ -26,6 +26,8 @@ pub struct Estimate {
     pub chi2_per_dof: Option<f64>,
     /// Those degrees of freedom.
     pub freedom: f64,
+    /// What placements scatter by, as they were weighted with: one standard deviation for all axes, or one each.
+    pub placement_std: Vec<f64>,
     /// Condition number of the design.
     pub condition: f64,
     /// Parameters held back by a bound, by their place in the parameter vector.

@@ -1,7 +1,9 @@
 //! The directions that gravity is meant to take in the sensor frame. Which rests are good is left to the caller.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
+
+use super::config::{FixtureConfig, Solid};
 
 /// One direction of a fixture: the direction of true specific force while the IMU rests on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,17 +23,43 @@ pub struct Fixture {
 impl Fixture {
     /// The six face normals of a cube.
     pub fn cube() -> Self {
-        let face = |name: &str, normal| Face { name: name.to_owned(), normal };
-        Self {
-            faces: vec![
-                face("+X", Vector3::x()),
-                face("-X", -Vector3::x()),
-                face("+Y", Vector3::y()),
-                face("-Y", -Vector3::y()),
-                face("+Z", Vector3::z()),
-                face("-Z", -Vector3::z()),
-            ],
+        Self { faces: axes().map(|(name, normal)| Face { name, normal }).collect() }
+    }
+
+    /// The twelve face normals of a dodecahedron. Each is named after the axis that it is nearest to and the one that it
+    /// leans to: `+Z+Y` is the one above +Z on the side of +Y.
+    pub fn dodecahedron() -> Self {
+        let golden = (1.0 + 5_f64.sqrt()) / 2.0;
+        let faces = axes().flat_map(|(name, main)| {
+            // X leans to Z, Y to X, Z to Y.
+            let aside = Vector3::new(main.y.abs(), main.z.abs(), main.x.abs());
+            [("+", 1.0), ("-", -1.0)].map(|(sign, side)| {
+                let axis = ["X", "Y", "Z"][aside.imax()];
+                Face { name: format!("{name}{sign}{axis}"), normal: (main * golden + aside * side).normalize() }
+            })
+        });
+        Self { faces: faces.collect() }
+    }
+
+    /// What the configuration says: a solid or a list of faces, turned as the sensor is mounted.
+    pub fn new(config: &FixtureConfig) -> Self {
+        let fixture = match config.solid {
+            _ if !config.faces.is_empty() => {
+                let face = |face: &super::config::FaceConfig| {
+                    let normal = Vector3::from(face.up).try_normalize(0.0)?;
+                    Some(Face { name: face.name.clone(), normal })
+                };
+                Self { faces: config.faces.iter().filter_map(face).collect() }
+            }
+            Solid::Cube => Self::cube(),
+            Solid::Dodecahedron => Self::dodecahedron(),
+        };
+        let mounting = Rotation3::from_scaled_axis(Vector3::from(config.mounting_deg).map(f64::to_radians));
+        if mounting.angle() == 0.0 {
+            return fixture;
         }
+        let turned = |face: Face| Face { normal: mounting.inverse() * face.normal, ..face };
+        Self { faces: fixture.faces.into_iter().map(turned).collect() }
     }
 
     /// The faces, in the order in which coverage lists them.
@@ -50,20 +78,64 @@ impl Fixture {
     }
 }
 
+/// The axes of the sensor, both ways, by name.
+fn axes() -> impl Iterator<Item = (String, Vector3<f64>)> {
+    [("X", Vector3::x()), ("Y", Vector3::y()), ("Z", Vector3::z())]
+        .into_iter()
+        .flat_map(|(name, axis)| [(format!("+{name}"), axis), (format!("-{name}"), -axis)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::config::FaceConfig;
 
     #[test]
     fn the_nearest_face_and_its_tilt_are_found() {
-        let cube = Fixture::cube();
-        for (i, face) in cube.faces().iter().enumerate() {
-            let axis = Vector3::new(0.0, 0.6, 0.8).cross(&face.normal).normalize();
-            let tilted = nalgebra::Rotation3::from_scaled_axis(axis * 20_f64.to_radians()) * face.normal * 9.8;
-            let (index, tilt) = cube.nearest(&tilted).unwrap();
-            assert_eq!(index, i);
-            assert!((tilt - 20.0).abs() < 1e-9);
+        for fixture in [Fixture::cube(), Fixture::dodecahedron()] {
+            for (i, face) in fixture.faces().iter().enumerate() {
+                let axis = Vector3::new(0.1, 0.6, 0.8).cross(&face.normal).normalize();
+                let tilted = Rotation3::from_scaled_axis(axis * 20_f64.to_radians()) * face.normal * 9.8;
+                let (index, tilt) = fixture.nearest(&tilted).unwrap();
+                assert_eq!(index, i);
+                assert!((tilt - 20.0).abs() < 1e-9);
+            }
+            assert_eq!(fixture.nearest(&Vector3::zeros()), None);
         }
-        assert_eq!(cube.nearest(&Vector3::zeros()), None);
+    }
+
+    #[test]
+    fn the_faces_of_a_dodecahedron_are_as_far_apart_as_its_dihedral_angle_says() {
+        let faces = Fixture::dodecahedron().faces().to_vec();
+        assert_eq!(faces.len(), 12);
+        for face in &faces {
+            let mut cosines: Vec<_> = faces.iter().map(|other| face.normal.dot(&other.normal)).collect();
+            cosines.sort_by(f64::total_cmp);
+            // Itself, five neighbours at 63.4°, their five opposites, its opposite.
+            let neighbour = 1.0 / 5_f64.sqrt();
+            let expected = [[-1.0].as_slice(), &[-neighbour; 5], &[neighbour; 5], &[1.0]].concat();
+            assert!(cosines.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-12));
+        }
+        let mut names: Vec<_> = faces.iter().map(|face| face.name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), 12);
+    }
+
+    #[test]
+    fn a_mounting_rotation_turns_the_faces_into_the_frame_of_the_sensor() {
+        // The sensor is turned by 90° about z: its x axis lies along the fixture's y axis.
+        let turned = Fixture::new(&FixtureConfig { mounting_deg: [0.0, 0.0, 90.0], ..FixtureConfig::default() });
+        let face = turned.faces().iter().find(|face| face.name == "+Y").unwrap();
+        assert!((face.normal - Vector3::x()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_list_of_faces_replaces_the_solid() {
+        let face = |name: &str, up| FaceConfig { name: name.to_owned(), up };
+        let faces = vec![face("lid", [0.0, 0.0, 2.0]), face("floor", [0.0, 0.0, -1.0])];
+        let fixture = Fixture::new(&FixtureConfig { faces, ..FixtureConfig::default() });
+        assert_eq!(fixture.faces()[0], Face { name: "lid".to_owned(), normal: Vector3::z() });
+        assert_eq!(fixture.faces().len(), 2);
     }
 }

@@ -4,7 +4,8 @@
 use nalgebra::DMatrix;
 
 use super::bars::Sharing;
-use super::config::Bounds;
+use super::bound::Bounds;
+use super::config::Loss;
 use super::estimate::Estimate;
 use super::gravity::EARTH_RATE;
 use super::lsqlin;
@@ -18,9 +19,16 @@ use super::system::limits;
 ///
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
-pub fn fit(shape: Shape, readings: &[Reading], assumed_std: f64, bounds: &Bounds) -> Result<Estimate, lsqlin::Error> {
+pub fn fit(
+    shape: Shape,
+    readings: &[Reading],
+    assumed_std: f64,
+    bounds: &Bounds,
+    loss: Loss,
+) -> Result<Estimate, lsqlin::Error> {
     let assumed = Assumed { placement: assumed_std, leak: 0.0 };
-    let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits(shape, |term| bounds.gyroscope(term)))?;
+    let limits = limits(shape, |term| bounds.gyroscope(term));
+    let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits, loss)?;
     let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max);
     for (i, term) in shape.terms().iter().enumerate() {
@@ -51,14 +59,15 @@ mod tests {
     fn the_bias_is_the_mean_over_placements_not_over_samples() {
         let seen = |x: f64, noise: f64| seen(Vector3::repeat(x), Vector3::zeros(), noise);
         // A long rest has less noise, but its placement scatters like that of any other.
-        let fit = fit(Shape::BIAS, &[seen(0.010, 1e-12), seen(0.012, 1e-8)], 1e-3, &Bounds::default()).unwrap();
+        let fit =
+            fit(Shape::BIAS, &[seen(0.010, 1e-12), seen(0.012, 1e-8)], 1e-3, &Bounds::default(), Loss::Square).unwrap();
         assert!((fit.parameters[0] - 0.011).abs() < 5e-5, "{}", fit.parameters[0]);
         assert!(fit.std(0) > 5e-4);
     }
 
     #[test]
     fn nothing_comes_of_nothing() {
-        assert!(fit(Shape::BIAS, &[], 1e-3, &Bounds::default()).is_err());
+        assert!(fit(Shape::BIAS, &[], 1e-3, &Bounds::default(), Loss::Square).is_err());
     }
 
     #[test]
@@ -75,7 +84,7 @@ mod tests {
             })
             .collect();
         let shape = Shape::GYROSCOPE_AT_REST;
-        let fit = fit(shape, &readings, 1e-4, &Bounds::default()).unwrap();
+        let fit = fit(shape, &readings, 1e-4, &Bounds::default(), Loss::Square).unwrap();
         assert!(fit.condition < 2.5, "{}", fit.condition);
         assert!((fit.calibration().bias - bias).amax() < 1e-12);
         assert!((shape.cross(&fit.parameters).unwrap() - cross).amax() < 1e-12);

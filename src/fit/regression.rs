@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::bars::{Bars, Sharing};
 use super::calibration::Calibration;
+use super::config::Loss;
 use super::estimate::Estimate;
 use super::lsqlin;
 use super::scatter::Assumed;
@@ -44,6 +45,7 @@ pub(super) fn regress(
     assumed: Assumed,
     sharing: Sharing,
     limits: &Limits,
+    loss: Loss,
 ) -> Result<Regression, lsqlin::Error> {
     let solve = |between: &Vector3<f64>, calibration: &Calibration| {
         let mut system = System::new(shape);
@@ -55,7 +57,7 @@ pub(super) fn regress(
                 system.push(&direction, &reading.truth, target, noise[axis], between[axis]);
             }
         }
-        system.solve(limits)
+        system.solve(limits, loss)
     };
     // The sensitivity and the scatter that the first regression shows set the weights of the second.
     let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default())?;
@@ -80,6 +82,7 @@ impl Regression {
             residual_limit: (5.0 * libm::hypot(white_rms, assumed.placement)).max(allowance),
             chi2_per_dof: bars.chi2_per_dof(),
             freedom: bars.freedom(),
+            placement_std: bars.placement_std(),
             condition: solved.solution.condition,
             active: solved.solution.active.clone(),
             parameters: solved.solution.x,

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::bars::Sharing;
-use super::config::Bounds;
+use super::bound::Bounds;
+use super::config::Loss;
 use super::estimate::Estimate;
 use super::lsqlin;
 use super::regression::{Reading, regress};
@@ -45,6 +46,7 @@ pub fn fit(
     primary: &Estimate,
     assumed_std: f64,
     bounds: &Bounds,
+    loss: Loss,
 ) -> Result<Estimate, lsqlin::Error> {
     let calibration = primary.calibration();
     let inverse = calibration.inverse();
@@ -58,8 +60,8 @@ pub fn fit(
     };
     let readings: Vec<_> = pairs.iter().map(reading).collect();
     let assumed = Assumed { placement: assumed_std, leak: MOUNTING };
-    let limits = system::limits(shape, |term| bounds.secondary(term));
-    let regression = regress(shape, &readings, assumed, Sharing::Common, &limits)?;
+    let limits = system::limits(shape, |term| bounds.secondary(shape, term));
+    let regression = regress(shape, &readings, assumed, Sharing::Common, &limits, loss)?;
 
     let solved = &regression.solved;
     // A truth that moves by δ moves the solution like a reading that moves by −S δ. Truths move with the mean of the

@@ -3,12 +3,17 @@
 
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
+use super::config::Loss;
+use super::huber::{huber, weights};
 use super::lsqlin::{self, Solution, lsqlin};
 use super::scatter::Block;
 use super::shape::{Shape, Term, Truth};
 
 /// Lower and upper bounds of the unknowns.
 pub type Limits = (DVector<f64>, DVector<f64>);
+
+/// Where Huber's loss begins to count by distance, in standard deviations: of normal errors it wastes a twentieth (Huber 1964).
+const THRESHOLD: f64 = 1.345;
 
 /// Equations under way.
 #[derive(Clone, Debug)]
@@ -59,17 +64,29 @@ impl System {
         self.rows.push(row);
     }
 
-    /// The weighted least-squares solution within the limits.
+    /// The weighted solution within the limits.
     ///
     /// # Errors
     /// If the equations do not determine the unknowns, the limits contradict each other, or the solver fails.
-    pub fn solve(self, (low, high): &Limits) -> Result<Solved, lsqlin::Error> {
+    pub fn solve(mut self, (low, high): &Limits, loss: Loss) -> Result<Solved, lsqlin::Error> {
         let rows = self.targets.len();
-        let design = DMatrix::from_row_iterator(rows, self.shape.unknowns(), self.design);
-        let leaks = DMatrix::from_row_iterator(rows, self.shape.unmodelled().count(), self.leaks);
+        let mut design = DMatrix::from_row_iterator(rows, self.shape.unknowns(), self.design);
+        let mut leaks = DMatrix::from_row_iterator(rows, self.shape.unmodelled().count(), self.leaks);
         let targets = DVector::from_vec(self.targets);
-        let solution = lsqlin(&design, &targets, low, high)?;
-        let left = targets - &design * &solution.x;
+        let solution = match loss {
+            Loss::Square => lsqlin(&design, &targets, low, high)?,
+            Loss::Huber => huber(&design, &targets, low, high, THRESHOLD)?,
+        };
+        let mut left = &targets - &design * &solution.x;
+        if loss == Loss::Huber {
+            // An equation beyond the threshold says less of the unknowns.
+            for (i, weight) in weights(&left, THRESHOLD).map(f64::sqrt).iter().enumerate() {
+                design.row_mut(i).scale_mut(*weight);
+                leaks.row_mut(i).scale_mut(*weight);
+                left[i] *= weight;
+                self.rows[i].weight *= weight;
+            }
+        }
         Ok(Solved { solution, design, leaks, left, rows: self.rows })
     }
 }

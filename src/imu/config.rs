@@ -9,6 +9,7 @@ use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
 use super::{FieldPath, Preset};
+use crate::fit::SecondaryModel;
 
 /// One IMU. Topics of well-known types need no table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
@@ -28,9 +29,26 @@ pub struct ImuConfig {
     /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds` and `still`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
+    /// What knows the true specific force and angular rate: a rate table, or motion capture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Box<ReferenceConfig>>,
     /// Further accelerometers that move with this IMU.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub secondary: Vec<SecondaryConfig>,
+}
+
+/// A reference beside an IMU, in the IMU's frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceConfig {
+    /// Its topic.
+    pub topic: String,
+    /// The true specific force. Known types need none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accel: Option<VectorConfig<AccelUnit>>,
+    /// The true angular rate. Known types need none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyro: Option<VectorConfig<RateUnit>>,
 }
 
 /// A further accelerometer.
@@ -45,6 +63,9 @@ pub struct SecondaryConfig {
     /// Its specific force. Known types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
+    /// Which measurement model it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<SecondaryModel>,
     /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,

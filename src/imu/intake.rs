@@ -16,6 +16,7 @@ use super::split::{Half, Side};
 use super::suggestion::Suggestion;
 use super::verdict::{Cause, Fault, Notice, Verdict};
 use super::{ImuConfig, ImuId, Preset, Reading, Sample, Sensor};
+use crate::fit::SecondaryModel;
 use crate::record;
 
 /// Turns the messages of a recording into samples.
@@ -47,6 +48,8 @@ pub struct Imu {
     pub frame_id: String,
     /// Its triads as far as channels for them have been seen or configured.
     pub triads: Vec<Triad>,
+    /// Whether a reference is beside it.
+    pub reference: bool,
     /// By [`Sensor::index`]: whether it has read nothing but zeros so far.
     silent: Vec<bool>,
 }
@@ -62,11 +65,19 @@ pub struct Triad {
     pub topic: String,
     /// Which sensor it is, if the configuration says so.
     pub preset: Option<Preset>,
+    /// Which measurement model it has, if it is a secondary accelerometer.
+    pub model: SecondaryModel,
 }
 
 impl Triad {
     fn gyroscope(topic: &str) -> Self {
-        Self { sensor: Sensor::Gyroscope, name: "gyroscope".to_owned(), topic: topic.to_owned(), preset: None }
+        Self {
+            sensor: Sensor::Gyroscope,
+            name: "gyroscope".to_owned(),
+            topic: topic.to_owned(),
+            preset: None,
+            model: SecondaryModel::default(),
+        }
     }
 }
 
@@ -420,19 +431,24 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
     let gyro = route.taps.iter().any(|tap: &Tap| tap.sensor == Sensor::Gyroscope);
     let triads = source.triads(gyro).filter(|(.., topic)| first || *topic == source.topic());
     let triad = |(sensor, name, topic): (_, &str, &str)| {
-        let preset = source.preset(sensor);
-        Triad { sensor, name: name.to_owned(), topic: topic.to_owned(), preset }
+        let (preset, model) = (source.preset(sensor), source.model(sensor));
+        Triad { sensor, name: name.to_owned(), topic: topic.to_owned(), preset, model }
     };
     let triads = triads.map(triad).collect();
-    let silent = vec![true; 2 + source.secondaries()];
+    let silent = vec![true; Sensor::Secondary(source.secondaries()).index()];
     let name = free_name(source.name(), (!first).then_some(&frame_id), imus);
-    imus.push(Imu { name, topic: source.topic().to_owned(), frame_id, triads, silent });
+    let reference = source.has_reference() && first;
+    imus.push(Imu { name, topic: source.topic().to_owned(), frame_id, triads, reference, silent });
     source.imus.push((frame.to_vec(), id));
     Some(id)
 }
 
 /// Lets a value through, unless the triad has read nothing but zeros so far.
 fn admit(imus: &mut [Imu], id: ImuId, sensor: Sensor, value: Vector3<f64>) -> Result<Vector3<f64>, Cause> {
+    // A reference may well say that nothing moves.
+    if matches!(sensor, Sensor::Reference(_)) {
+        return Ok(value);
+    }
     let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(sensor.index()));
     if let Some(silent @ true) = silent {
         *silent = is_zero(&value);

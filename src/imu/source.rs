@@ -3,12 +3,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::{AccelUnit, ImuConfig, RateUnit, VectorConfig, VectorPath};
+use super::config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, VectorConfig, VectorPath};
 use super::known::{Known, Part};
 use super::path::FieldPath;
 use super::route::Tap;
 use super::verdict::Use;
-use super::{ImuId, Preset, Sensor};
+use super::{ImuId, Preset, Quantity, Sensor};
+use crate::fit::SecondaryModel;
 
 /// One table of the configuration, or a topic that needs none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,6 +82,17 @@ impl Source {
         match sensor {
             Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
             Sensor::Accelerometer | Sensor::Gyroscope => self.config.preset,
+            Sensor::Reference(_) => None,
+        }
+    }
+
+    /// Which measurement model a triad has, if it is a secondary accelerometer.
+    pub(super) fn model(&self, sensor: Sensor) -> SecondaryModel {
+        match sensor {
+            Sensor::Secondary(i) => {
+                self.config.secondary.get(i).and_then(|secondary| secondary.model).unwrap_or_default()
+            }
+            _ => SecondaryModel::default(),
         }
     }
 
@@ -106,7 +118,8 @@ impl Source {
     /// Topics that it reads.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
         let others = (0..self.config.secondary.len()).map(|i| self.secondary_topic(i));
-        [self.topic(), self.gyro_topic()].into_iter().chain(others)
+        let reference = self.config.reference.iter().flat_map(|reference| reference.topics());
+        [self.topic(), self.gyro_topic()].into_iter().chain(others).chain(reference)
     }
 
     /// Names and topics of its triads. A gyroscope may also be known from the type of the accelerometer's messages.
@@ -117,6 +130,11 @@ impl Source {
         let others = others.map(|(i, s)| (Sensor::Secondary(i), s.name.as_str(), self.secondary_topic(i)));
         let gyro = (known_gyro || self.config.gyro.is_some()).then_some(gyro);
         [accel].into_iter().chain(gyro).chain(others)
+    }
+
+    /// Whether a reference is beside it.
+    pub(super) fn has_reference(&self) -> bool {
+        self.config.reference.is_some()
     }
 
     /// How many secondary accelerometers it has.
@@ -159,6 +177,33 @@ impl Source {
                 });
             }
         }
+        if let Some(reference) = &self.config.reference {
+            let [force, rate] = reference.topics();
+            // One vector cannot be both.
+            let known_rate = known.filter(|known| known.imu || force != rate).and_then(|known| known.gyro.as_ref());
+            if topic == rate {
+                requests.push(Request {
+                    sensor: Sensor::Reference(Quantity::Rate),
+                    key: "reference.gyro",
+                    name: "reference rate",
+                    path: reference.gyro.as_ref().and_then(|gyro| gyro.path.as_ref()),
+                    known: known_rate,
+                    factor: reference.gyro.as_ref().map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
+                    with_accel: false,
+                });
+            }
+            if topic == force {
+                requests.push(Request {
+                    sensor: Sensor::Reference(Quantity::Force),
+                    key: "reference.accel",
+                    name: "reference force",
+                    path: reference.accel.as_ref().and_then(|accel| accel.path.as_ref()),
+                    known: known_accel,
+                    factor: accel(reference.accel.as_ref()).factor(),
+                    with_accel: false,
+                });
+            }
+        }
         if with_accel {
             requests.push(Request {
                 sensor: Sensor::Accelerometer,
@@ -181,6 +226,13 @@ impl Source {
         let secondary = self.config.secondary.get(i);
         let topic = secondary.and_then(|s| own_topic(&s.accel).or(s.topic.as_deref()));
         topic.unwrap_or(self.topic())
+    }
+}
+
+impl ReferenceConfig {
+    /// Of the force and of the rate.
+    fn topics(&self) -> [&str; 2] {
+        [own_topic(&self.accel).unwrap_or(&self.topic), own_topic(&self.gyro).unwrap_or(&self.topic)]
     }
 }
 

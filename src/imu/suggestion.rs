@@ -36,7 +36,12 @@ impl Suggestion {
         }
         let name = topic.trim_matches('/').split('/').next().filter(|name| !name.is_empty())?;
         let accel = only_vector(layout);
-        let secondary = SecondaryConfig { name: name.to_owned(), topic: Some(topic.to_owned()), accel, preset: None };
+        let secondary = SecondaryConfig {
+            name: name.to_owned(),
+            topic: Some(topic.to_owned()),
+            accel,
+            ..SecondaryConfig::default()
+        };
         Some(Self::Accelerometer(secondary))
     }
 

@@ -333,6 +333,9 @@ pub struct Triad {
     /// active bounds, warnings
     #[prost(string, repeated, tag = "19")]
     pub notes: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// What placements scatter by beyond noise, as the rests were weighted with: one for all axes or one each.
+    #[prost(double, repeated, tag = "20")]
+    pub placement_std: ::prost::alloc::vec::Vec<f64>,
 }
 /// Nested message and enum types in `Triad`.
 pub mod triad {

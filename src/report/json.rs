@@ -91,6 +91,7 @@ pub fn triad(triad: Option<&Triad>) -> Value {
         "chi2_per_dof": triad.chi2_per_dof,
         "worst_case_error": triad.worst_case_error,
         "condition": triad.condition,
+        "placement_std": list(&triad.placement_std),
         "covariance": list(&triad.covariance),
         "notes": triad.notes,
     })

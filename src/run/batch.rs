@@ -109,8 +109,7 @@ pub fn annotate(
 /// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself.
 pub(super) fn fold(
     recording: &Recording,
-    inventory: &Inventory,
-    learned: &Learned,
+    (inventory, learned): (&Inventory, &Learned),
     kept: Kept,
     output: &Path,
     config: &Config,

@@ -334,7 +334,12 @@ fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
         if let Sensor::Secondary(i) = triad.sensor {
             secondary.resize_with(secondary.len().max(i + 1), Default::default);
             if let Some(place) = secondary.get_mut(i) {
-                *place = Secondary { name: triad.name.clone(), topic: triad.topic.clone(), preset: triad.preset };
+                *place = Secondary {
+                    name: triad.name.clone(),
+                    topic: triad.topic.clone(),
+                    preset: triad.preset,
+                    model: triad.model,
+                };
             }
         }
     }
@@ -346,6 +351,7 @@ fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
         gyroscope: topic(Sensor::Gyroscope),
         secondary,
         preset: None,
+        reference: imu.reference,
         still: config.still.clone(),
         fit: config.fit.clone(),
     };

@@ -449,7 +449,7 @@ impl Shell<'_> {
         let mut kept = Kept::beside(&self.output);
         self.appending.blocks(&learned.topics, &watch, |block| kept.block(block))?;
         kept.indexes(indexes)?;
-        batch::fold(recording, inventory, learned, kept, &self.output, self.config, self.following.options, &watch)
+        batch::fold(recording, (inventory, learned), kept, &self.output, self.config, self.following.options, &watch)
     }
 
     /// Encodes blocks, to be written next.

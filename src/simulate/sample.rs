@@ -7,7 +7,8 @@ use rand_chacha::rand_core::SeedableRng;
 use super::sensor::Sensor;
 use super::trajectory::Trajectory;
 use super::validate::validate;
-use super::{Error, Scenario};
+use super::{Error, Reference, Scenario};
+use crate::imu::Quantity;
 use crate::{Stamp, imu};
 
 /// One reading of one sensor, and what there was to read.
@@ -50,12 +51,18 @@ pub fn samples(scenario: &Scenario) -> Result<Samples, Error> {
     let gyroscope = scenario.gyroscope.iter().map(|triad| (imu::Sensor::Gyroscope, triad));
     let secondary =
         scenario.secondary.values().enumerate().map(|(index, triad)| (imu::Sensor::Secondary(index), triad));
-    let sensors = [(imu::Sensor::Accelerometer, &scenario.accelerometer)].into_iter().chain(gyroscope).chain(secondary);
+    let reference = scenario.reference.as_ref().map(Reference::triads);
+    let quantities = [Quantity::Force, Quantity::Rate].map(imu::Sensor::Reference);
+    let reference = quantities.into_iter().zip(reference.iter().flatten());
+    let sensors = [(imu::Sensor::Accelerometer, &scenario.accelerometer)].into_iter().chain(gyroscope);
+    let sensors = sensors.chain(reference).chain(secondary);
     let sensors = sensors.map(|(which, triad)| {
         let own = match which {
             imu::Sensor::Accelerometer => 2,
             imu::Sensor::Gyroscope => 3,
             imu::Sensor::Secondary(index) => 4 + index as u64,
+            imu::Sensor::Reference(Quantity::Force) => u64::MAX,
+            imu::Sensor::Reference(Quantity::Rate) => u64::MAX - 1,
         };
         Sensor::new(which, triad, scenario, stream(own))
     });

@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::{Error, Fault, validate::validate};
 
 /// The built-in scenarios: name and TOML text, to be printed and edited.
-pub const BUILTIN: [(&str, &str); 3] = [
+pub const BUILTIN: [(&str, &str); 4] = [
     ("demo", include_str!("scenarios/demo.toml")),
     ("thesis-sequence-1", include_str!("scenarios/thesis-sequence-1.toml")),
     ("thesis-sequence-3", include_str!("scenarios/thesis-sequence-3.toml")),
+    ("rate-table", include_str!("scenarios/rate-table.toml")),
 ];
 
 /// A session with one IMU: its sensors, the poses it rests in, and the motion between them.
@@ -37,6 +38,9 @@ pub struct Scenario {
     /// Further accelerometers that move with the primary one, by name.
     #[serde(default)]
     pub secondary: BTreeMap<String, Triad>,
+    /// What tells the true specific force and angular rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
     /// What happens between poses.
     #[serde(default)]
     pub motion: Motion,
@@ -111,7 +115,7 @@ pub enum Compression {
 }
 
 /// One sensor: `measured = bias + S · true + …`, in m/s² or rad/s.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Triad {
     /// Topic of its messages; `/imu/data_raw` if absent, and for a gyroscope the accelerometer's messages.
@@ -158,6 +162,38 @@ pub struct Triad {
     /// What happens to its readings before they are recorded.
     #[serde(default)]
     pub fault: Fault,
+}
+
+/// A reference that knows the truth: a rate table, or motion capture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Topic of its messages.
+    pub topic: String,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// How long after the start of the recording the first sample is taken, in seconds.
+    #[serde(default)]
+    pub phase_s: f64,
+    /// Standard deviation of the noise of one axis of its specific force, in m/s².
+    #[serde(default)]
+    pub accel_noise: f64,
+    /// The same of its angular rate, in rad/s.
+    #[serde(default)]
+    pub gyro_noise: f64,
+}
+
+impl Reference {
+    /// As two perfect sensors.
+    pub(super) fn triads(&self) -> [Triad; 2] {
+        [self.accel_noise, self.gyro_noise].map(|noise| Triad {
+            topic: Some(self.topic.clone()),
+            rate_hz: self.rate_hz,
+            phase_s: self.phase_s,
+            noise,
+            ..Triad::default()
+        })
+    }
 }
 
 /// The matrix **S** that maps true to measured.
@@ -301,10 +337,12 @@ impl Scenario {
         self.accelerometer.topic.as_deref().unwrap_or("/imu/data_raw")
     }
 
-    /// Every topic of the recording: the primary accelerometer's, the gyroscope's own if it has one, the secondaries'.
+    /// Every topic of the recording: the primary accelerometer's, the gyroscope's own if it has one, the secondaries', the
+    /// reference's.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let others = self.gyroscope.iter().chain(self.secondary.values());
-        std::iter::once(self.imu_topic()).chain(others.filter_map(|triad| triad.topic.as_deref()))
+        let reference = self.reference.iter().map(|reference| reference.topic.as_str());
+        std::iter::once(self.imu_topic()).chain(others.filter_map(|triad| triad.topic.as_deref())).chain(reference)
     }
 
     /// The built-in scenario of this name.

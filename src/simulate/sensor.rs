@@ -8,7 +8,7 @@ use rand_distr::StandardNormal;
 use super::scenario::matrix;
 use super::trajectory::State;
 use super::{Scenario, Triad};
-use crate::imu;
+use crate::imu::{self, Quantity};
 
 /// A sensor with its generator.
 #[derive(Clone, Debug)]
@@ -61,8 +61,8 @@ impl Sensor {
     /// Takes it.
     pub fn measure(&mut self, state: &State) -> Vector3<f64> {
         let (own, other) = match self.which {
-            imu::Sensor::Gyroscope => (state.rate, state.force),
-            imu::Sensor::Accelerometer | imu::Sensor::Secondary(_) => (state.force, state.rate),
+            imu::Sensor::Gyroscope | imu::Sensor::Reference(Quantity::Rate) => (state.rate, state.force),
+            _ => (state.force, state.rate),
         };
         let seconds = self.next() as f64 * 1e-9;
         let drift = Vector3::from(self.triad.bias_drift_per_h) * (seconds / 3600.0);

@@ -66,6 +66,9 @@ fn sensors(scenario: &Scenario) -> Result<(), Error> {
             })?;
         }
     }
+    if let Some(reference) = &scenario.reference {
+        reference.triads().iter().try_for_each(|of| triad("reference", of))?;
+    }
     for (name, secondary) in &scenario.secondary {
         let key = format!("secondary.{name}");
         accelerometer(&key, secondary)?;

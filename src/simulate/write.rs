@@ -10,7 +10,7 @@ use mcap::{WriteOptions, Writer};
 use super::message::{Body, Header, Type};
 use super::truth::Truth;
 use super::{Compression, Encoding, Error, Reading, Scenario, samples};
-use crate::imu::Sensor;
+use crate::imu::{Quantity, Sensor};
 
 /// Writes the recording of a scenario and returns its truth.
 ///
@@ -35,7 +35,8 @@ struct Recorder<'a, W: io::Write> {
     /// The gyroscope's own, if it does not share the accelerometer's messages.
     gyroscope: Option<Topic>,
     secondary: Vec<Topic>,
-    /// The accelerometer's reading, while the gyroscope's that goes into the same message is awaited.
+    reference: Option<Topic>,
+    /// The accelerometer's (or the reference's) reading, while the gyroscope's that goes into the same message is awaited.
     awaiting: Option<Reading>,
     shared: bool,
     copies: u8,
@@ -73,6 +74,7 @@ impl<'a, W: io::Write> Recorder<'a, W> {
         let gyroscope = own.map(|name| topic(name, Type::Imu)).transpose()?;
         let secondary = scenario.secondary.values().filter_map(|triad| triad.topic.as_deref());
         let secondary = secondary.map(|name| topic(name, Type::Vector)).collect::<Result<_, _>>()?;
+        let reference = scenario.reference.as_ref().map(|reference| topic(&reference.topic, Type::Imu)).transpose()?;
         let shared = scenario.gyroscope.is_some() && own.is_none();
         let frame_id = &recording.frame_id;
         Ok(Self {
@@ -82,6 +84,7 @@ impl<'a, W: io::Write> Recorder<'a, W> {
             imu,
             gyroscope,
             secondary,
+            reference,
             awaiting: None,
             shared,
             copies: recording.copies,
@@ -101,6 +104,14 @@ impl<'a, W: io::Write> Recorder<'a, W> {
                 let accel = self.awaiting.take().map(|reading| reading.measured);
                 let topic = self.gyroscope.as_mut().unwrap_or(&mut self.imu);
                 (Some(topic), Body::Imu { accel, gyro: Some(measured) })
+            }
+            Sensor::Reference(Quantity::Force) => {
+                self.awaiting = Some(*reading);
+                return Ok(());
+            }
+            Sensor::Reference(Quantity::Rate) => {
+                let accel = self.awaiting.take().map(|reading| reading.measured);
+                (self.reference.as_mut(), Body::Imu { accel, gyro: Some(measured) })
             }
             Sensor::Secondary(index) => (self.secondary.get_mut(index), Body::Vector(measured)),
         };

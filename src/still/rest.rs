@@ -42,6 +42,7 @@ impl Rest {
                     *mean = None;
                 }
             }
+            Sensor::Reference(_) => {}
         }
         Some(self)
     }

@@ -183,6 +183,7 @@ impl Segmenter {
             Sensor::Accelerometer => self.accelerometer.signal(),
             Sensor::Gyroscope => self.gyroscope.as_ref()?.signal(),
             Sensor::Secondary(i) => self.secondary.get(i)?.signal(),
+            Sensor::Reference(_) => None,
         }
     }
 
@@ -194,6 +195,7 @@ impl Segmenter {
                 Some(self.gyroscope.get_or_insert_with(|| Track::new(config, Yardstick::gyroscope(config))))
             }
             Sensor::Secondary(i) => self.secondary.get_mut(i),
+            Sensor::Reference(_) => None,
         }
     }
 

@@ -80,7 +80,7 @@ prop_compose! {
         (sensor, topic, notes) in (text(), text(), vec(text(), 0..3)),
         (model, status) in (0..6, 0..3),
         (bias, scale, bias_std, scale_std) in (of(vector()), of(vector()), of(vector()), of(vector())),
-        (sensitivity, sensitivity_std, covariance) in (numbers(), numbers(), numbers()),
+        (sensitivity, sensitivity_std, covariance, placement_std) in (numbers(), numbers(), numbers(), numbers()),
         (g_sensitivity, g2_sensitivity, rate_sensitivity) in (numbers(), numbers(), numbers()),
         (residual_rms, chi2_per_dof) in any::<(Option<f64>, Option<f64>)>(),
         (worst_case_error, condition) in any::<(Option<f64>, Option<f64>)>(),
@@ -88,7 +88,7 @@ prop_compose! {
         Triad {
             sensor, topic, model, status, bias, scale, sensitivity, bias_std, scale_std, sensitivity_std, g_sensitivity,
             g2_sensitivity, rate_sensitivity, residual_rms, chi2_per_dof, worst_case_error, condition, covariance,
-            notes,
+            placement_std, notes,
         }
     }
 }

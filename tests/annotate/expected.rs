@@ -113,6 +113,7 @@ fn triad(m: &Triad) -> Value {
         ("condition", number(m.condition)),
         ("covariance", numbers(&m.covariance)),
         ("notes", sequence(&m.notes, |note| text(note))),
+        ("placement_std", numbers(&m.placement_std)),
     ])
 }
 

@@ -128,6 +128,7 @@ fn everything(second: i64) -> Calibration {
         worst_case_error: Some(0.012),
         condition: Some(1.55),
         covariance: vec![2.5e-5; 36],
+        placement_std: vec![0.01],
         notes: vec!["bias.x rests on its bound".to_owned(), String::new()],
     };
     let secondary = vec![Triad { sensor: "highg".to_owned(), ..accelerometer.clone() }, Triad::default()];

@@ -1,0 +1,150 @@
+//! Readings and a reference brought to one instant: what the reference says at the stamp of each reading, interpolated
+//! between its samples. What becomes of the pairs is left to whoever takes them.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::Stamp;
+
+/// Readings that wait for the reference, at most; the oldest are given up.
+const WAITING: usize = 4096;
+
+/// Follows a reference and the triads beside it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Alignment {
+    /// The last four samples of the reference, oldest first.
+    known: VecDeque<(Stamp, [Vector3<f64>; 2])>,
+    /// Forces that wait for the rate of the same stamp, or rates for the force.
+    half: Option<(Stamp, usize, Vector3<f64>)>,
+    /// Readings not older than the second of the four, with the triad that they are of.
+    waiting: VecDeque<(Stamp, usize, Vector3<f64>)>,
+    /// Longest step between samples of the reference, in ns, that is interpolated across.
+    gap: i64,
+}
+
+impl Alignment {
+    /// Interpolates across steps of the reference of at most `gap_s` seconds.
+    pub fn new(gap_s: f64) -> Self {
+        Self { gap: (gap_s * 1e9) as i64, ..Self::default() }
+    }
+
+    /// Takes a reading of a triad.
+    pub fn reading(&mut self, triad: usize, stamp: Stamp, value: Vector3<f64>) {
+        if self.waiting.len() == WAITING {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back((stamp, triad, value));
+    }
+
+    /// Takes one quantity of the reference: 0 is the specific force, 1 the angular rate. Both count as one sample if their
+    /// stamps agree.
+    pub fn reference(
+        &mut self,
+        quantity: usize,
+        stamp: Stamp,
+        value: Vector3<f64>,
+        sink: &mut impl FnMut(usize, Vector3<f64>, [Vector3<f64>; 2]),
+    ) {
+        let both = match self.half {
+            Some((other, of, first)) if other == stamp && of != quantity => {
+                if of == 0 {
+                    [first, value]
+                } else {
+                    [value, first]
+                }
+            }
+            _ => {
+                self.half = Some((stamp, quantity, value));
+                return;
+            }
+        };
+        self.half = None;
+        if self.known.back().is_some_and(|&(last, _)| !(1..=self.gap).contains(&stamp.since(last))) {
+            self.known.clear();
+        }
+        if self.known.len() == 4 {
+            self.known.pop_front();
+        }
+        self.known.push_back((stamp, both));
+        let Some((from, until)) = self.middle() else { return };
+        while let Some(&(at, triad, value)) = self.waiting.front() {
+            if at > until {
+                break;
+            }
+            self.waiting.pop_front();
+            if at >= from {
+                sink(triad, value, self.interpolate(at));
+            }
+        }
+    }
+
+    /// Between the second and the third of four samples, where a cubic is at its best.
+    fn middle(&self) -> Option<(Stamp, Stamp)> {
+        match (self.known.get(1), self.known.get(2), self.known.get(3)) {
+            (Some(&(from, _)), Some(&(until, _)), Some(_)) => Some((from, until)),
+            _ => None,
+        }
+    }
+
+    /// The cubic through the four samples (Lagrange).
+    fn interpolate(&self, at: Stamp) -> [Vector3<f64>; 2] {
+        let mut sum = [Vector3::zeros(); 2];
+        for &(own, values) in &self.known {
+            let others = self.known.iter().filter(|(stamp, _)| *stamp != own);
+            let weight: f64 = others.map(|&(other, _)| at.since(other) as f64 / own.since(other) as f64).product();
+            sum[0] += values[0] * weight;
+            sum[1] += values[1] * weight;
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One rotation a second.
+    fn truth(stamp: Stamp) -> [Vector3<f64>; 2] {
+        let angle = stamp.nanos() as f64 * 1e-9 * std::f64::consts::TAU;
+        [Vector3::new(libm::cos(angle), libm::sin(angle), 0.0) * 9.8, Vector3::z() * libm::sin(angle)]
+    }
+
+    /// Pairs of a triad that reads the force itself at 130 Hz beside a reference at 100 Hz without its samples in a gap.
+    fn aligned(gap: std::ops::Range<i64>) -> Vec<(Vector3<f64>, [Vector3<f64>; 2])> {
+        let mut alignment = Alignment::new(0.1);
+        let mut pairs = Vec::new();
+        for i in 0..13_000_i64 {
+            let stamp = Stamp::from_nanos(i * 100_000);
+            if i % 77 == 0 {
+                alignment.reading(3, stamp, truth(stamp)[0]);
+            }
+            if i % 100 == 0 && !gap.contains(&i) {
+                for quantity in [1, 0] {
+                    alignment.reference(quantity, stamp, truth(stamp)[quantity], &mut |triad, value, reference| {
+                        assert_eq!(triad, 3);
+                        pairs.push((value, reference));
+                    });
+                }
+            }
+        }
+        pairs
+    }
+
+    #[test]
+    fn between_its_samples_the_reference_is_interpolated() {
+        let pairs = aligned(0..0);
+        assert!(pairs.len() > 160, "{}", pairs.len());
+        for (value, reference) in pairs {
+            // A chord would be off by up to 5 mm/s².
+            assert!((value - reference[0]).norm() < 1e-5, "{}", (value - reference[0]).norm());
+        }
+    }
+
+    #[test]
+    fn nothing_is_made_up_across_a_gap() {
+        let (whole, holed) = (aligned(0..0).len(), aligned(4000..8000).len());
+        assert!((50..62).contains(&(whole - holed)), "{whole} {holed}");
+    }
+}

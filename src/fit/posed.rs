@@ -1,0 +1,69 @@
+//! All of the primary accelerometer's sensitivity, from placements whose directions an accurate fixture knows (the thesis'
+//! simplified model 1). Whether the fixture is accurate is left to whoever says so.
+
+use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
+
+use super::accelerometer::{Assumptions, Observation};
+use super::bars::Sharing;
+use super::estimate::{Estimate, Origin};
+use super::lsqlin;
+use super::regression::{Reading, regress};
+use super::scatter::Assumed;
+use super::shape::{Shape, Truth};
+use super::system::limits;
+
+/// Residuals below this are no reason to refuse, m/s².
+const ALLOWANCE: f64 = 0.03;
+
+/// Regresses the observations on the directions of their faces, each of which may lie off by `accuracy` (radians, one
+/// standard deviation about each axis across), the same whenever the IMU rests on it.
+///
+/// # Errors
+/// If the placements do not determine the parameters, or the solver fails.
+pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64) -> Result<Estimate, lsqlin::Error> {
+    let off = (given.gravity.value * accuracy).powi(2);
+    let reading = |seen: &Observation| Reading {
+        mean: seen.mean,
+        noise: seen.noise,
+        truth: Truth::of(seen.normal * given.gravity.value),
+        truth_noise: across(&seen.normal) * off,
+    };
+    let readings: Vec<_> = observations.iter().map(reading).collect();
+    let shape = Shape::MATRIX;
+    let bounds = limits(shape, |term| given.bounds.accelerometer(term));
+    let assumed = Assumed { placement: given.placement_std, leak: 0.0 };
+    let regression = regress(shape, &readings, assumed, Sharing::ByAxis, &bounds, given.loss)?;
+
+    // The regression took each placement to be off by itself. It is not: what a face is off by is the same whenever the
+    // IMU rests on it, so the solution's answers to its placements add up.
+    let solved = &regression.solved;
+    let sensitivity = shape.calibration(&solved.solution.x).sensitivity;
+    let influence: Vec<_> = solved.influence(&solved.gain()).collect();
+    let mut faces: Vec<(Vector3<f64>, MatrixXx3<f64>)> = Vec::new();
+    let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
+    for (axes, (seen, reading)) in influence.chunks_exact(3).zip(observations.iter().zip(&readings)) {
+        let by_mean = &axes[0] + &axes[1] + &axes[2];
+        let own = (sensitivity * reading.truth_noise * sensitivity.transpose()).diagonal();
+        other -= &by_mean * Matrix3::from_diagonal(&own) * by_mean.transpose();
+        match faces.iter_mut().find(|(known, _)| *known == seen.normal) {
+            Some((_, by_face)) => *by_face += by_mean,
+            None => faces.push((seen.normal, by_mean)),
+        }
+    }
+    for (normal, by_face) in faces {
+        let moved = by_face * sensitivity * across(&normal);
+        other += &moved * moved.transpose() * off;
+    }
+    let mut by_gravity = solved.solution.x.clone() / given.gravity.value;
+    by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
+    other += &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2);
+    let between = regression.bars.between_placements();
+    let estimate = regression.estimate(&other, ALLOWANCE);
+    let origin = Origin { systematic: estimate.covariance.clone(), influence: Vec::new(), between };
+    Ok(Estimate { origin: Some(origin), ..estimate })
+}
+
+/// Projects on the plane across a direction.
+fn across(normal: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::identity() - normal * normal.transpose()
+}
