@@ -120,24 +120,23 @@ fn a_refusal_offers_an_imu_rather_than_one_half() {
 #[test]
 fn several_imus_are_learned_side_by_side() {
     let folder = Folder::new();
-    recording(&folder, &[("/front", &|i| sample(i, 9.81, 1.0)), ("/rear", &|i| sample(i, 9.7, 2.0))]);
+    let shaken = |i| {
+        let mut value = sample(i, 9.81, 1.0);
+        value["accel"]["x"] = json!((f64::from(i) * 1.7).sin() * 5.0);
+        value
+    };
+    recording(&folder, &[("/front", &|i| sample(i, 9.81, 1.0)), ("/rear", &shaken)]);
     let imu = |topic: &str| format!("{{topic = '{topic}', accel = 'accel', gyro = 'gyro'}}");
     let setting = format!("imu=[{}, {}]", imu("/front"), imu("/rear"));
     let result = folder.run(["annotate", "raw.mcap", "-o", "out.mcap", "--json", "--set", &setting]).ok().json();
-    for (i, (topic, bias)) in [("/front", 0.01), ("/rear", 0.02)].into_iter().enumerate() {
-        let imu = &result["imus"][i];
-        assert_eq!((&imu["topic"], &imu["rests"]["found"]), (&json!(topic), &json!(1)));
-        let found = imu["gyroscope"]["bias"][0].as_f64().unwrap();
-        assert!((found - bias).abs() < 2e-3, "{topic}: {found}");
-    }
+    let found = |i: usize| (&result["imus"][i]["topic"], &result["imus"][i]["rests"]["found"]);
+    assert_eq!(found(0), (&json!("/front"), &json!(1)));
+    assert_eq!(found(1), (&json!("/rear"), &json!(0)));
     let bytes = folder.read("out.mcap");
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
-    let topics: Vec<_> = summary.channels.values().map(|channel| channel.topic.as_str()).collect();
-    for kind in ["stillness", "segment", "coverage", "calibration"] {
-        for imu in ["/front", "/rear"] {
-            assert!(topics.contains(&format!("{imu}/stillpoint/{kind}").as_str()), "{topics:?}");
-        }
-    }
+    let has = |topic: &str| summary.channels.values().any(|channel| channel.topic == topic);
+    assert!(has("/front/stillpoint/stillness") && has("/front/stillpoint/segment"));
+    assert!(has("/rear/stillpoint/stillness") && !has("/rear/stillpoint/segment"));
 }
 
 #[test]

@@ -41,7 +41,9 @@ pub(super) fn known(layout: &Layout) -> Vec<Known> {
 
 /// What is known of a type, named `package/Type`, that stands at `inside`.
 ///
-/// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so.
+/// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Their stamps count
+/// from the start of the system. Of `SensorCombined` it is that of the gyroscope; the accelerometer's is within a few
+/// milliseconds of it, which no rest notices.
 fn of_type(name: &str, inside: &FieldPath) -> Option<Known> {
     let at = |text: &str| text.parse().ok().map(|path| inside.within(&path));
     let part = |vector| Some(Part { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });

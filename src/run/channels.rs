@@ -72,8 +72,13 @@ const HEAD: u64 = 32 << 20;
 ///
 /// If it cannot be read.
 pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Channels, Error> {
+    look_through(recording, config, watch, WHOLE)
+}
+
+/// Reads all of a recording of at most `whole` bytes, or of one that does not say at its end what is in it.
+fn look_through(recording: &Recording, config: &Config, watch: Watch<'_>, whole: u64) -> Result<Channels, Error> {
     let mut look = Look::new(config);
-    let glance = if recording.length() > WHOLE { Glance::at(recording)? } else { None };
+    let glance = if recording.length() > whole { Glance::at(recording)? } else { None };
     let (counts, span) = match glance {
         Some(glance) => {
             look.schemas = glance.schemas;
@@ -293,5 +298,36 @@ fn remark_on_twins(one: &str, other: &str, relation: Relation, channels: &mut [U
         } else if used.channel.topic == twin {
             used.remarks.push(of_twin.clone());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::run::Access;
+    use crate::simulate::{Scenario, record};
+
+    #[test]
+    fn the_end_of_a_recording_tells_as_much_as_all_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut bytes = Vec::new();
+        record(&Scenario::builtin("demo").unwrap(), &mut bytes).unwrap();
+        std::fs::write(&path, &bytes).unwrap();
+        let looked = |whole| {
+            let recording = Recording::open_original(&path, Access::Read).unwrap();
+            look_through(&recording, &Config::default(), &|_| Ok(()), whole).unwrap()
+        };
+        let (end, all) = (looked(0), looked(u64::MAX));
+        assert_eq!(format!("{end:?}"), format!("{all:?}"));
+        assert!(all.channels.iter().any(|used| used.messages > 100 && matches!(used.verdict, Verdict::Used(_))));
+
+        // What is cut off says nothing at its end.
+        std::fs::write(&path, &bytes[..bytes.len() * 3 / 4]).unwrap();
+        let (cut, whole) = (looked(0), looked(u64::MAX));
+        assert_eq!(format!("{cut:?}"), format!("{whole:?}"));
+        assert!(cut.seconds < all.seconds);
     }
 }
