@@ -147,3 +147,18 @@ fn a_topic_of_positions_is_shown_as_what_it_is_used_for() {
     assert!(missing.contains("/fux") && missing.contains("did you mean /fix?"), "{missing}");
     folder.refuses("topics demo.mcap --set fit.height_m=3", 2, &["fit.height_m", "fit.latitude_deg"]);
 }
+
+#[test]
+fn where_the_latitude_is_known_the_earth_s_rotation_is_no_bias() {
+    let text = "[recording]\nencoding='ros2'\n[accelerometer]\nrate_hz=100\nnoise=0.02\n[gyroscope]\nrate_hz=100\nnoise=1e-4\n";
+    let faces = ["+X", "-X", "+Y", "-Y", "+Z", "-Z", "+Z", "+Z", "+Z", "+Z"];
+    let poses: String = faces.iter().map(|face| format!("[[pose]]\nface='{face}'\nrest_s=3.0\n")).collect();
+    let scenario = Scenario::parse(&format!("latitude_deg = 80.0\n{text}{poses}")).unwrap();
+    let folder = Folder::with_scenario("demo.mcap", &scenario);
+    let (unaware, aware) = (imu(&folder, ""), imu(&folder, "--set fit.latitude_deg=80"));
+    let z = |imu: &Value, key: &str| imu["gyroscope"][key][2].as_f64().unwrap();
+    // The true bias is zero; five rests on +Z and one on -Z see 4/10 of 7.2e-5 rad/s.
+    assert!(z(&unaware, "bias") > 2e-5, "{}", z(&unaware, "bias"));
+    assert!(z(&aware, "bias").abs() < 1e-5, "{}", z(&aware, "bias"));
+    assert!(z(&aware, "bias_std") < z(&unaware, "bias_std"));
+}

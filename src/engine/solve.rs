@@ -15,8 +15,8 @@ use super::suspicion::Suspicion;
 use super::words;
 use crate::fit::accelerometer::Assumptions;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Loss, Model, Place, SecondaryModel, Shape, Source, accelerometer, directions,
-    guess, gyroscope, posed, secondary,
+    self, Calibration, Estimate, Gravity, Loss, Model, Place, Reading, SecondaryModel, Shape, Source, accelerometer,
+    directions, guess, gyroscope, posed, secondary,
 };
 use crate::messages::segment::Reason;
 
@@ -67,7 +67,7 @@ pub(super) enum Missing {
 /// The gravity to fit with.
 pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     match (config.gravity, config.place(), fix) {
-        (Some(value), _, _) => Gravity::configured(value),
+        (Some(value), place, fix) => Gravity { place: place.or(fix), ..Gravity::configured(value) },
         (None, Some(place), _) => Gravity::at(&place, Source::Latitude),
         (None, None, Some(place)) => Gravity::at(&place, Source::FixTopic),
         (None, None, None) => Gravity::standard(),
@@ -317,7 +317,10 @@ fn others(
     });
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
-    let rates = observe::rates(entries, config, calibration.as_ref());
+    let mut rates = observe::rates(entries, config, calibration.as_ref());
+    if let Some(place) = known.gravity.place {
+        rates.iter_mut().for_each(|reading| turn_with_the_earth(reading, &place));
+    }
     let at_rest = entries.iter().filter(|entry| entry.verdict.is_at_rest());
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
     let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
@@ -349,6 +352,13 @@ fn others(
         secondary,
         guessed: Calibration::default(),
         suspicions: Vec::new(),
+    }
+}
+
+/// At rest a gyroscope turns with the Earth. About the vertical, that is; where north is, nobody knows.
+fn turn_with_the_earth(reading: &mut Reading, place: &Place) {
+    if let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) {
+        reading.truth.own = up * place.vertical_rate();
     }
 }
 

@@ -12,6 +12,8 @@ pub struct Gravity {
     pub std: f64,
     /// Where it is from.
     pub source: Source,
+    /// The place that it is felt at, if that is known.
+    pub place: Option<Place>,
 }
 
 /// Where a value of gravity is from.
@@ -66,18 +68,19 @@ const GRADIENT: f64 = 3.086e-6;
 impl Gravity {
     /// As somebody measured it.
     pub fn configured(value: f64) -> Self {
-        Self { value, std: 0.0, source: Source::Configured }
+        Self { value, std: 0.0, source: Source::Configured, place: None }
     }
 
     /// Of nowhere in particular.
     pub fn standard() -> Self {
-        Self { value: STANDARD, std: STANDARD * STANDARD_SPREAD, source: Source::Standard }
+        Self { value: STANDARD, std: STANDARD * STANDARD_SPREAD, source: Source::Standard, place: None }
     }
 
     /// Of a place.
     pub fn at(place: &Place, source: Source) -> Self {
         let height_std = if place.height_m.is_some() { KNOWN_HEIGHT } else { UNKNOWN_HEIGHT };
-        Self { value: place.normal_gravity(), std: libm::hypot(ANOMALY, GRADIENT * height_std), source }
+        let std = libm::hypot(ANOMALY, GRADIENT * height_std);
+        Self { value: place.normal_gravity(), std, source, place: Some(*place) }
     }
 }
 
@@ -109,11 +112,6 @@ impl Place {
     /// The Earth's rotation about the local vertical, rad/s, counted about the direction that points up.
     pub fn vertical_rate(&self) -> f64 {
         EARTH_RATE * self.vertical_share()
-    }
-
-    /// The Earth's rotation about the local north, rad/s.
-    pub fn horizontal_rate(&self) -> f64 {
-        EARTH_RATE * libm::cos(self.latitude_deg.to_radians())
     }
 
     fn vertical_share(&self) -> f64 {
@@ -151,7 +149,6 @@ mod tests {
     fn the_earth_turns_about_the_pole() {
         let north = Place { latitude_deg: 90.0, height_m: None };
         assert_eq!(north.vertical_rate(), EARTH_RATE);
-        assert!(north.horizontal_rate() < 1e-15);
         let south = Place { latitude_deg: -30.0, height_m: None };
         assert!((south.vertical_rate() + EARTH_RATE / 2.0).abs() < 1e-15);
     }

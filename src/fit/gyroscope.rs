@@ -30,17 +30,37 @@ pub fn fit(
     let limits = limits(shape, |term| bounds.gyroscope(term));
     let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits, loss)?;
     let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
-    let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max);
+    let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max).max(1.0);
+    let count = readings.len().max(1) as f64;
+    let unknown =
+        |part: fn(&Reading, usize) -> f64, axis| readings.iter().map(|seen| part(seen, axis)).sum::<f64>() / count;
     for (i, term) in shape.terms().iter().enumerate() {
-        // Which way the Earth turns the sensor is unknown: one component of its rate, in the mean of squares. That about
-        // the vertical looks like sensitivity to gravity.
+        // However often the IMU is placed, it may face the same way. What the Earth does about the vertical looks like
+        // sensitivity to gravity, what it does across like that to gravity on another axis.
         other[(i, i)] = match *term {
-            Term::Bias(_) => EARTH_RATE * EARTH_RATE / 3.0,
-            Term::Other(row, column) if row == column => (EARTH_RATE / up.max(1.0)).powi(2) / 3.0,
+            Term::Bias(axis) => unknown(earth, axis),
+            Term::Other(row, column) if row == column => unknown(vertical, row) / (up * up),
+            Term::Other(row, _) => 0.5 * unknown(earth, row) / (up * up),
             _ => 0.0,
         };
     }
     Ok(regression.estimate(&other, f64::INFINITY))
+}
+
+/// Variance of what the Earth adds to an axis beyond the true rate that is known. Of that about the vertical the rest lies
+/// across it, in any direction; where none is known, all of it may lie anywhere.
+fn earth(reading: &Reading, axis: usize) -> f64 {
+    let known = reading.truth.own.norm_squared();
+    if known == 0.0 {
+        return EARTH_RATE * EARTH_RATE / 3.0;
+    }
+    let along = reading.truth.own[axis].powi(2) / known;
+    (EARTH_RATE * EARTH_RATE - known).max(0.0) / 2.0 * (1.0 - along)
+}
+
+/// The same about the vertical alone.
+fn vertical(reading: &Reading, _: usize) -> f64 {
+    if reading.truth.own.norm_squared() == 0.0 { EARTH_RATE * EARTH_RATE / 3.0 } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -89,5 +109,21 @@ mod tests {
         assert!((fit.calibration().bias - bias).amax() < 1e-12);
         assert!((shape.cross(&fit.parameters).unwrap() - cross).amax() < 1e-12);
         assert!((shape.squares(&fit.parameters).unwrap() - squares).amax() < 1e-12);
+    }
+
+    #[test]
+    fn what_the_earth_is_known_to_add_is_no_bias() {
+        let bias = Vector3::new(0.01, -0.02, 0.005);
+        let turning = Vector3::z() * (0.9 * EARTH_RATE);
+        let reading = |known: Vector3<f64>| Reading {
+            truth: Truth { own: known, ..Truth::default() },
+            ..seen(bias + turning, Vector3::zeros(), 1e-14)
+        };
+        let learn = |known| fit(Shape::BIAS, &[reading(known); 3], 1e-6, &Bounds::default(), Loss::Square).unwrap();
+        let (known, unknown) = (learn(turning), learn(Vector3::zeros()));
+        assert!((known.parameters.fixed_rows::<3>(0) - bias).amax() < 1e-12);
+        assert!((unknown.parameters[2] - bias.z).abs() > 6e-5);
+        // What is left lies across the vertical.
+        assert!(known.std(2) < known.std(0) && known.std(0) < unknown.std(0) && unknown.std(2) > 4e-5);
     }
 }
