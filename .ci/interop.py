@@ -1,7 +1,9 @@
 """What programs that are not ours make of Stillpoint's outputs: interop.py STILLPOINT
 
 For every real recording: pymcap-cli doctor, Python mcap with CRC validation (every original message is there with the
-same bytes, channel and times), the annotations decoded by the schema in the file, @mcap/core, rosbags, and strip.
+same bytes, channel and times), the annotations decoded by the schema in the file, @mcap/core, rosbags, and strip; the
+same in place and with corrected messages, which are decoded beside their sources; the containers of other writers; and
+what becomes of an annotated recording that another program has edited.
 """
 
 import json
@@ -14,6 +16,9 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap.records import Channel, Message
+from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
+from mcap_ros1.decoder import DecoderFactory as Ros1Decoder
+from mcap_ros2.decoder import DecoderFactory as RosDecoder
 from rosbags.highlevel import AnyReader
 
 HERE = Path(__file__).resolve().parent
@@ -21,13 +26,28 @@ BIN = Path(sys.executable).parent
 SETTINGS = {
     "nilspod_six_face.ros2": 'imu=[{topic="/imu/data_raw", secondary=[{name="highg", topic="/highg/acceleration"}]}]',
 }
+PAIR = 'imu=[{topic="%s", accel="%s", gyro="%s"}]'
+# Types that are not known are mapped.
+for stem in ("nilspod_six_face.protobuf", "mpu9150_1_20_poses.protobuf"):
+    SETTINGS[stem] = PAIR % ("/sensors/imu", "accel_mps2", "gyro_radps")
+SETTINGS["nilspod_six_face.json"] = PAIR % ("/imu", "linear_acceleration", "angular_velocity")
 # Outputs that must hold a calibration of the accelerometer, so that an empty result cannot pass.
-CALIBRATED = {"nilspod_six_face.ros2", "nilspod_six_face.ros1", "xsens_38_poses.ros2", "mpu9150_0_19_poses.ros2"}
+CALIBRATED = {
+    "nilspod_six_face.ros2",
+    "nilspod_six_face.ros1",
+    "nilspod_six_face.protobuf",
+    "nilspod_six_face.json",
+    "mpu9150_0_19_poses.ros2",
+    "mpu9150_1_20_poses.protobuf",
+    "xsens_38_poses.ros2",
+}
 
 
 def main(stillpoint):
-    recordings = sorted((Path(os.environ["STILLPOINT_DATA"]) / "recordings").glob("*.mcap"))
-    assert recordings, "no recordings"
+    data = Path(os.environ["STILLPOINT_DATA"])
+    recordings = sorted((data / "recordings").glob("*.mcap"))
+    containers = sorted((data / "containers").rglob("*.mcap"))
+    assert recordings and containers, "no recordings"
     out = HERE.parent / "target/ci/out"
     out.mkdir(parents=True, exist_ok=True)
     for recording in recordings:
@@ -42,17 +62,109 @@ def main(stillpoint):
         assert added == Counter(t for t, *_ in messages(sidecar)), "annotations differ between file and sidecar"
         check_rosbags(recording, annotated)
         check_strip(stillpoint, recording, annotated, out / "stripped.mcap")
-        print(f"{recording.name}: {sum(added.values())} annotations on {len(added)} topics", flush=True)
+        check_in_place(stillpoint, recording, annotated, out / "in_place.mcap")
+        corrected = check_corrected(stillpoint, recording, out / "corrected.mcap") if imus else 0
+        total = sum(added.values())
+        print(f"{recording.name}: {total} annotations on {len(added)} topics, {corrected} corrected messages", flush=True)
+    for container in containers:
+        check_container(stillpoint, container, out)
+    check_edited(stillpoint, data / "recordings/nilspod_six_face.ros2.mcap", out)
 
 
-def annotate(stillpoint, recording, output, options):
-    command = [stillpoint, "annotate", recording, "-o", output, "--force", "--allow-no-imu", "--accept-damage", "--json", "-q"]
-    if recording.stem in SETTINGS:
-        command += ["--set", SETTINGS[recording.stem]]
+def check_in_place(stillpoint, recording, annotated, path):
+    path.write_bytes(recording.read_bytes())
+    annotate(stillpoint, path, None, ["--in-place"], stem=recording.stem)
+    assert path.read_bytes() == annotated.read_bytes(), f"{recording.name}: in place is not the same"
+
+
+def check_corrected(stillpoint, recording, path):
+    annotate(stillpoint, recording, path, ["--set", "output.corrected=final"])
+    check_doctor(recording, path)
+    check_javascript(path)
+    added = check_messages(recording, path)
+    check_rosbags(recording, path)
+    check_strip(stillpoint, recording, path, path.with_name("stripped.mcap"))
+    topics = [topic for topic in added if topic.endswith("/stillpoint/corrected")]
+    # Decoded by the schema of the source, a corrected message differs from it in its vectors alone.
+    decoded = {}
+    with open(path, "rb") as file:
+        factories = [RosDecoder(), Ros1Decoder(), ProtobufDecoder()]
+        for _, channel, message, value in make_reader(file, decoder_factories=factories).iter_decoded_messages(
+            topics=[*topics, *(topic.removesuffix("/stillpoint/corrected") for topic in topics)]
+        ):
+            decoded.setdefault(channel.topic, {})[message.log_time] = list(numbers(value))
+    for topic in topics:
+        source = decoded[topic.removesuffix("/stillpoint/corrected")]
+        assert decoded[topic].keys() == source.keys(), f"{topic}: not one for each message of its source"
+        differing = max(sum(a != b for a, b in zip(theirs, source[at], strict=True)) for at, theirs in decoded[topic].items())
+        assert 0 < differing <= 6, f"{topic}: {differing} numbers differ"
+    return sum(added[topic] for topic in topics)
+
+
+def numbers(value):
+    """All numbers and texts in a decoded message, in order."""
+    if hasattr(value, "DESCRIPTOR"):
+        for field in value.DESCRIPTOR.fields:
+            yield from numbers(getattr(value, field.name))
+    elif hasattr(value, "__slots__"):
+        for name in value.__slots__:
+            yield from numbers(getattr(value, name))
+    elif isinstance(value, (list, tuple)) or hasattr(value, "MergeFrom"):
+        for element in value:
+            yield from numbers(element)
+    else:
+        yield value
+
+
+def check_container(stillpoint, container, out):
+    path = out / "container.mcap"
+    command = [stillpoint, "annotate", container, "-o", path, "--force", "--allow-no-imu", "--accept-damage", "-q"]
+    run = subprocess.run(command, stderr=subprocess.PIPE)
+    if container.stat().st_size == 0:
+        assert run.returncode == 1, f"{container.name}: an empty file was annotated"
+        return
+    assert run.returncode == 0, f"{container.name}: {run.stderr}"
+    check_doctor(container, path)
+    check_strip(stillpoint, container, path, out / "stripped.mcap")
+    check_javascript(path)
+    print(f"{container.name}: accepted", flush=True)
+
+
+def check_edited(stillpoint, recording, out):
+    """What other programs make of an annotated recording is not taken for ours, and is annotated as it stands."""
+    annotated, edited = out / f"{recording.stem}.annotated.mcap", out / "edited.mcap"
+    pymcap = BIN / "pymcap-cli"
+    for command in (
+        ["filter", annotated, edited, "--force"],
+        ["filter", annotated, edited, "--force", "--exclude-topic", "/highg.*"],
+        ["merge", annotated, recording, "-o", edited, "--force"],
+        ["decompress", annotated, "-o", edited, "--force"],
+    ):
+        edited.unlink(missing_ok=True)
+        subprocess.run([pymcap, *command], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        strip = subprocess.run([stillpoint, "strip", edited, "-o", out / "x.mcap", "--force"], stderr=subprocess.PIPE, text=True)
+        assert strip.returncode == 1, f"{command[0]}: an edited recording was stripped"
+        assert "edited since" in strip.stderr or "not annotated" in strip.stderr, strip.stderr
+        again = out / "again.mcap"
+        run = subprocess.run(
+            [stillpoint, "annotate", edited, "-o", again, "--force", "--allow-no-imu"], stderr=subprocess.PIPE, text=True
+        )
+        assert run.returncode == 0, f"{command[0]}: {run.stderr}"
+        check_strip(stillpoint, edited, again, out / "stripped.mcap")
+        check_doctor(edited, again)
+        check_javascript(again)
+
+
+def annotate(stillpoint, recording, output, options, stem=None):
+    command = [stillpoint, "annotate", recording, "--allow-no-imu", "--accept-damage", "--json", "-q"]
+    command += ["-o", output, "--force"] if output else []
+    stem = stem or recording.stem
+    if stem in SETTINGS:
+        command += ["--set", SETTINGS[stem]]
     run = subprocess.run([*command, *options], stdout=subprocess.PIPE, check=True)
     result = json.loads(run.stdout)
     calibrated = any(imu["accelerometer"]["bias"] for imu in result["imus"])
-    assert calibrated == (recording.stem in CALIBRATED), f"{recording.name}: calibrated: {calibrated}"
+    assert calibrated == (stem in CALIBRATED), f"{recording.name}: calibrated: {calibrated}"
     return result["imus"]
 
 

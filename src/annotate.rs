@@ -6,6 +6,7 @@
 mod block;
 mod cdr;
 mod config;
+mod correct;
 mod encoding;
 mod log;
 mod read;
@@ -13,6 +14,7 @@ mod ros2;
 mod ros2msg;
 
 pub use config::{Corrected, EncodingChoice, OutputConfig};
+pub use correct::Corrections;
 pub use encoding::Encoding;
 pub use read::{ReadError, read};
 
@@ -58,13 +60,24 @@ impl Annotator {
 
     /// Takes an event of the IMU of that output name. Returns the block that had to be closed before it, if any.
     pub fn push(&mut self, imu: &str, event: &Event) -> Option<Block> {
-        let topic = self.topic_of(imu, &event.message);
-        let sequence = self.sequences[topic];
-        self.sequences[topic] = sequence.wrapping_add(1);
-        let data = self.encoding.encode(&event.message);
-        let annotation = Annotation { topic, sequence, log_time: event.log_time, data };
+        let (name, encoding) = (topic_name(imu, &event.message), self.encoding);
+        let place = self.place_of(&name, || encoding.topic(name.clone(), &event.message));
+        let annotation = self.annotation(place, event.log_time, encoding.encode(&event.message));
         let urgent = matches!(event.message, Message::Segment(_) | Message::Calibration(_));
         self.open.push(annotation, urgent)
+    }
+
+    /// Takes a message that is written as it is. `topic` makes its topic, should there be none of that name yet.
+    pub fn push_message(
+        &mut self,
+        name: &str,
+        topic: impl FnOnce() -> Topic,
+        log_time: u64,
+        data: Vec<u8>,
+    ) -> Option<Block> {
+        let place = self.place_of(name, topic);
+        let annotation = self.annotation(place, log_time, data);
+        self.open.push(annotation, false)
     }
 
     /// To be called at the end of each chunk of the input, and after each of its messages outside chunks.
@@ -82,14 +95,21 @@ impl Annotator {
         self.open.close()
     }
 
-    fn topic_of(&mut self, imu: &str, message: &Message) -> usize {
-        let name = topic_name(imu, message);
+    /// Where in the list the topic of that name is, added if need be.
+    fn place_of(&mut self, name: &str, topic: impl FnOnce() -> Topic) -> usize {
         if let Some(known) = self.topics.iter().position(|topic| topic.name == name) {
             return known;
         }
-        self.topics.push(self.encoding.topic(name, message));
+        self.topics.push(topic());
         self.sequences.push(0);
         self.topics.len() - 1
+    }
+
+    /// The next annotation on a topic.
+    fn annotation(&mut self, topic: usize, log_time: u64, data: Vec<u8>) -> Annotation {
+        let sequence = self.sequences[topic];
+        self.sequences[topic] = sequence.wrapping_add(1);
+        Annotation { topic, sequence, log_time, data }
     }
 }
 

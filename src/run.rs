@@ -7,6 +7,7 @@ mod appending;
 mod batch;
 mod channels;
 mod checkpoint;
+mod correct;
 mod glance;
 mod growing;
 mod in_place;

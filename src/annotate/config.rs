@@ -38,25 +38,17 @@ impl EncodingChoice {
     }
 }
 
-/// Whether corrected messages are written.
+/// Whether corrected messages are written: those of the source, with the true values in the place of the measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Corrected {
     /// No.
     #[default]
     Off,
-}
-
-impl TryFrom<String> for Corrected {
-    type Error = String;
-
-    fn try_from(name: String) -> Result<Self, String> {
-        match name.as_str() {
-            "off" => Ok(Self::Off),
-            "causal" | "final" => Err(format!("corrected = \"{name}\" cannot be written yet: set it to \"off\"")),
-            _ => Err(format!("unknown variant `{name}`, expected `off`")),
-        }
-    }
+    /// From the first calibration on, each by the one in force.
+    Causal,
+    /// All, by the last calibration of the recording.
+    Final,
 }
 
 #[cfg(test)]
@@ -81,10 +73,11 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_refused_with_the_setting_that_can() {
+    fn what_cannot_be_written_is_refused() {
         let refusal = |text: &str| toml::from_str::<OutputConfig>(text).err().map(|error| error.to_string());
-        assert!(refusal("corrected = \"causal\"").is_some_and(|text| text.contains("set it to \"off\"")));
-        assert!(refusal("corrected = \"on\"").is_some_and(|text| text.contains("expected `off`")));
+        assert_eq!(refusal("corrected = \"causal\""), None);
+        assert_eq!(refusal("corrected = \"final\""), None);
+        assert!(refusal("corrected = \"on\"").is_some_and(|text| text.contains("`off`, `causal`, `final`")));
         assert!(refusal("encoding = \"json\"").is_some());
         assert!(refusal("encodings = \"auto\"").is_some());
     }

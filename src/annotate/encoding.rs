@@ -1,6 +1,7 @@
 //! The two encodings of annotations, both derived from one descriptor set. How the ROS 2 one looks is left to
 //! [`ros2`](super::ros2).
 
+use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use prost::{Message as _, Name};
@@ -34,8 +35,14 @@ impl Encoding {
             Self::Protobuf => ("protobuf", "protobuf"),
             Self::Ros2 => ("ros2msg", "cdr"),
         };
-        let (schema_encoding, message_encoding) = (schema_encoding.to_owned(), message_encoding.to_owned());
-        Topic { name, schema_name, schema_encoding, schema, message_encoding }
+        Topic {
+            name,
+            schema_name,
+            schema_encoding: schema_encoding.into(),
+            schema,
+            message_encoding: message_encoding.into(),
+            metadata: BTreeMap::new(),
+        }
     }
 
     /// The bytes of a message.

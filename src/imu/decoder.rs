@@ -6,10 +6,10 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::json::Pick;
-use super::layout::{Layout, Place, Wire};
+use super::layout::{Layout, Number, Place, Wire};
 use super::lookup::PathError;
 use super::plan::{Plan, Rules, Sizes};
-use super::tagged::Tagged;
+use super::tagged::{Tagged, alone};
 use super::walk::Malformed;
 
 /// Reads the same few numbers out of each message of a channel.
@@ -58,26 +58,99 @@ impl Decoder {
         let text = match &self.0 {
             Encoding::Json(pick) => return pick.read(data, numbers),
             Encoding::Protobuf(tagged) => tagged.read(data, numbers)?,
-            Encoding::Ros1(plan) => plan.walk::<false>(data, 0, numbers)?,
-            Encoding::Cdr { xcdr1, xcdr2, delimited } => {
-                let truncated = Malformed::Truncated { offset: 0, wanted: HEADER, len: data.len() };
-                let &[high, low, ..] = data.first_chunk::<HEADER>().ok_or(truncated)?;
-                let identifier = u16::from_be_bytes([high, low]);
-                // The identifiers of DDS-XTypes 1.3 and, from 0x10 on, those that its drafts left in the field.
-                let plan = match identifier {
-                    0x00 | 0x01 => xcdr1,
-                    0x06 | 0x07 | 0x10 | 0x11 => xcdr2,
-                    0x08 | 0x09 | 0x14 | 0x15 => delimited,
-                    _ => return Err(Malformed::Encapsulation { identifier }),
-                };
-                match identifier % 2 {
-                    0 => plan.walk::<true>(data, HEADER, numbers)?,
-                    _ => plan.walk::<false>(data, HEADER, numbers)?,
-                }
-            }
+            Encoding::Ros1(plan) => plan.walk::<false, false>(data, 0, numbers)?,
+            Encoding::Cdr { xcdr1, xcdr2, delimited } => match encapsulated(data, xcdr1, xcdr2, delimited)? {
+                (plan, true) => plan.walk::<true, false>(data, HEADER, numbers)?,
+                (plan, false) => plan.walk::<false, false>(data, HEADER, numbers)?,
+            },
         };
         Ok(Cow::Borrowed(text))
     }
+
+    /// The message with other numbers in the places of those that change, by their order, out of `count`; every other
+    /// byte stays. `None` if the message cannot be read, or a number that changes is none of floating point.
+    ///
+    /// In protobuf, where zeros are left out, a number that is not there is appended: of what comes twice, the last
+    /// counts.
+    pub fn rewrite(&self, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
+        let mut places = vec![f64::NAN; count];
+        let mut out = data.to_vec();
+        let (number, big): (Box<dyn Fn(usize) -> Option<Number> + '_>, bool) = match &self.0 {
+            Encoding::Json(pick) => return rewrite_json(pick, data, count, changes),
+            Encoding::Protobuf(tagged) => {
+                tagged.locate(data, &mut places).ok()?;
+                (Box::new(|slot| tagged.way(slot).map(|(_, number)| number)), false)
+            }
+            Encoding::Ros1(plan) => {
+                plan.walk::<false, true>(data, 0, &mut places).ok()?;
+                (Box::new(|slot| plan.number(slot)), false)
+            }
+            Encoding::Cdr { xcdr1, xcdr2, delimited } => {
+                let (plan, big) = encapsulated(data, xcdr1, xcdr2, delimited).ok()?;
+                match big {
+                    true => plan.walk::<true, true>(data, HEADER, &mut places).ok()?,
+                    false => plan.walk::<false, true>(data, HEADER, &mut places).ok()?,
+                };
+                (Box::new(|slot| plan.number(slot)), big)
+            }
+        };
+        for &(slot, value) in changes {
+            let mut bytes = match number(slot)? {
+                Number::F64 => value.to_le_bytes().to_vec(),
+                Number::F32 => (value as f32).to_le_bytes().to_vec(),
+                _ => return None,
+            };
+            if big {
+                bytes.reverse();
+            }
+            match (places.get(slot), &self.0) {
+                (Some(&at), _) if at.is_finite() => {
+                    let at = at as usize;
+                    out.get_mut(at..at + bytes.len())?.copy_from_slice(&bytes);
+                }
+                (_, Encoding::Protobuf(tagged)) => {
+                    let (way, _) = tagged.way(slot).filter(|(way, _)| !way.is_empty())?;
+                    out.extend(alone(&way, &bytes));
+                }
+                _ => return None,
+            }
+        }
+        Some(out)
+    }
+}
+
+/// The plan that a message says it is written by, and whether its numbers are big-endian.
+fn encapsulated<'p>(
+    data: &[u8],
+    xcdr1: &'p Plan,
+    xcdr2: &'p Plan,
+    delimited: &'p Plan,
+) -> Result<(&'p Plan, bool), Malformed> {
+    let truncated = Malformed::Truncated { offset: 0, wanted: HEADER, len: data.len() };
+    let &[high, low, ..] = data.first_chunk::<HEADER>().ok_or(truncated)?;
+    let identifier = u16::from_be_bytes([high, low]);
+    // The identifiers of DDS-XTypes 1.3 and, from 0x10 on, those that its drafts left in the field.
+    let plan = match identifier {
+        0x00 | 0x01 => xcdr1,
+        0x06 | 0x07 | 0x10 | 0x11 => xcdr2,
+        0x08 | 0x09 | 0x14 | 0x15 => delimited,
+        _ => return Err(Malformed::Encapsulation { identifier }),
+    };
+    Ok((plan, identifier.is_multiple_of(2)))
+}
+
+/// JSON has texts of any length: those that change are exchanged, the last one first.
+fn rewrite_json(pick: &Pick, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
+    let mut places = vec![None; count];
+    pick.locate(data, &mut places)?;
+    let mut changes: Vec<_> =
+        changes.iter().map(|&(slot, value)| Some((places.get(slot)?.clone()?, value))).collect::<Option<_>>()?;
+    changes.sort_by_key(|(place, _)| std::cmp::Reverse(place.start));
+    let mut out = data.to_vec();
+    for (place, value) in changes {
+        out.splice(place, serde_json::Number::from_f64(value)?.to_string().into_bytes());
+    }
+    Some(out)
 }
 
 /// Length of the encapsulation header: a representation identifier and two bytes of options.

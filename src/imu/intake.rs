@@ -175,6 +175,7 @@ impl Intake {
                 }
                 continue;
             }
+            route.taps.iter_mut().for_each(|tap| tap.last = None);
             let (stamp, frame) = match route.read(log_time, data) {
                 Ok(read) => read,
                 Err(error) => {
@@ -200,6 +201,9 @@ impl Intake {
                         Err(cause) => Err(cause),
                     },
                 );
+                if let Some(tap) = route.taps.get_mut(i) {
+                    tap.last = value.as_ref().ok().copied().flatten().map(|(id, _)| id);
+                }
                 match value {
                     Ok(Some((id, value))) => {
                         if route.begins_round(i) {
@@ -220,6 +224,28 @@ impl Intake {
                 }
             }
         }
+    }
+
+    /// The message that was taken last, with other readings in the place of some: for each IMU that reads it, what the
+    /// topic of such messages begins with, and the bytes. `change` says which readings become what, in m/s² or rad/s.
+    /// Where it changes none there is nothing, nor where readings are integers, which could not hold the result.
+    pub fn rewrite(
+        &self,
+        channel_id: u16,
+        data: &[u8],
+        mut change: impl FnMut(ImuId, Sensor, Vector3<f64>) -> Option<Vector3<f64>>,
+    ) -> Vec<(&str, Vec<u8>)> {
+        let mut rewritten: Vec<(&str, Vec<u8>)> = Vec::new();
+        for route in self.routes.get(&channel_id).into_iter().flatten() {
+            let accel = route.taps.iter().find(|tap| tap.sensor == Sensor::Accelerometer);
+            let imu = accel.and_then(|tap| self.imus.get(tap.last?.index()));
+            let name = imu.map_or(route.topic.as_str(), |imu| &imu.name);
+            let data = route.rewrite(data, |tap, value| change(tap.last?, tap.sensor, value));
+            // A topic that serves several IMUs without being their own is rewritten for the first.
+            rewritten
+                .extend(data.filter(|_| rewritten.iter().all(|(known, _)| *known != name)).map(|data| (name, data)));
+        }
+        rewritten
     }
 
     /// The IMUs seen so far, by [`ImuId`].

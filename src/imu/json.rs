@@ -2,10 +2,13 @@
 //! for by [`Decoder`](super::Decoder).
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 
 use serde::de::{self, DeserializeSeed, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
 
 use super::layout::Place;
 use super::walk::Malformed;
@@ -50,6 +53,42 @@ impl Pick {
         let read = Picking { pick: self, found: &mut found }.deserialize(&mut json).and_then(|()| json.end());
         read.map_err(|e| Malformed::Json { line: e.line(), column: e.column() })?;
         Ok(found.text)
+    }
+}
+
+impl Pick {
+    /// Where the text of numbers stands.
+    pub(super) fn locate(&self, data: &[u8], places: &mut [Option<Range<usize>>]) -> Option<()> {
+        let root: &RawValue = serde_json::from_slice(data).ok()?;
+        self.locate_in(root, data.as_ptr().addr(), places);
+        Some(())
+    }
+
+    fn locate_in(&self, value: &RawValue, origin: usize, places: &mut [Option<Range<usize>>]) {
+        let text = value.get();
+        // The text of a raw value is a part of the message.
+        let start = text.as_ptr().addr().wrapping_sub(origin);
+        for &slot in
+            self.slots.iter().filter(|_| text.starts_with(|first: char| first == '-' || first.is_ascii_digit()))
+        {
+            if let Some(place) = places.get_mut(slot) {
+                *place = Some(start..start + text.len());
+            }
+        }
+        if !self.fields.is_empty()
+            && let Ok(fields) = serde_json::from_str::<BTreeMap<Cow<'_, str>, &RawValue>>(text)
+        {
+            for (name, pick) in &self.fields {
+                fields.get(name.as_str()).into_iter().for_each(|value| pick.locate_in(value, origin, places));
+            }
+        }
+        if !self.elements.is_empty()
+            && let Ok(elements) = serde_json::from_str::<Vec<&RawValue>>(text)
+        {
+            for &(element, ref pick) in &self.elements {
+                elements.get(element as usize).into_iter().for_each(|value| pick.locate_in(value, origin, places));
+            }
+        }
     }
 }
 

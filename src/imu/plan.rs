@@ -98,6 +98,13 @@ impl Plan {
     }
 }
 
+impl Plan {
+    /// How a number is written.
+    pub(super) fn number(&self, slot: usize) -> Option<Number> {
+        self.gets.iter().find(|get| get.slot == slot).map(|get| get.number)
+    }
+}
+
 /// What is looked for below a message: a number for a slot, or the text.
 #[derive(Clone, Copy)]
 struct Wanted<'a> {

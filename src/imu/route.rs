@@ -17,7 +17,7 @@ use super::lookup::PathError;
 use super::path::FieldPath;
 use super::source::Request;
 use super::verdict::{Cause, Counts};
-use super::{Malformed, Sensor};
+use super::{ImuId, Malformed, Sensor};
 use crate::Stamp;
 
 /// A channel that samples of an IMU are taken from.
@@ -59,6 +59,8 @@ pub(super) struct Tap {
     round: Option<usize>,
     /// The calibration that the driver applied to the last reading.
     last_round: Option<u64>,
+    /// Whose reading the last message gave, if it gave one.
+    pub(super) last: Option<ImuId>,
 }
 
 /// Which sensor on a topic a message is from: its `frame_id`, or the digits of its device.
@@ -117,6 +119,7 @@ impl Route {
                 clipping,
                 round: find(part.and_then(|part| part.round.as_ref())).map(|place| add(Some(place))),
                 last_round: None,
+                last: None,
             });
         }
         Ok(Self {
@@ -159,6 +162,26 @@ impl Route {
         }
         let value = Vector3::new(x, y, z) * (tap.factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// The last message, which is `data`, with other readings in m/s² or rad/s in the place of some; `None` if nothing
+    /// changes, or nothing can.
+    pub(super) fn rewrite(
+        &self,
+        data: &[u8],
+        mut change: impl FnMut(&Tap, Vector3<f64>) -> Option<Vector3<f64>>,
+    ) -> Option<Vec<u8>> {
+        let mut changes = Vec::new();
+        for tap in &self.taps {
+            let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
+            let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
+            let own = value / (tap.factor / seconds);
+            changes.extend(own.iter().enumerate().map(|(axis, &value)| (tap.at + axis, value)));
+        }
+        match changes.is_empty() || !changes.iter().all(|(_, value)| value.is_finite()) {
+            true => None,
+            false => self.decoder.rewrite(data, self.numbers.len(), &changes),
+        }
     }
 
     /// Whether the last message says that the reading of a tap is clipped.

@@ -80,11 +80,68 @@ impl Tagged {
     /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
     /// message or list around it is not there either.
     pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
+        self.walk::<false>(data, numbers)
+    }
+
+    /// Finds where numbers of fixed size begin; NaN for every other, and for one that is not there.
+    pub(super) fn locate(&self, data: &[u8], places: &mut [f64]) -> Result<(), Malformed> {
+        self.walk::<true>(data, places).map(drop)
+    }
+
+    fn walk<'d, const LOCATE: bool>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
         numbers.fill(f64::NAN);
-        let mut walk = Walk { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
+        let mut walk = Walk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
         walk.message(self, data.len())?;
         Ok(walk.text)
     }
+
+    /// The fields that lead to a number of fixed size, itself the last, and how it is written. No lists are on the way
+    /// unless the number itself is in one, which leaves no element out.
+    pub(super) fn way(&self, slot: usize) -> Option<(Vec<u32>, Number)> {
+        self.fields.iter().find_map(|wanted| match &wanted.take {
+            Take::Number { number, coding: Coding::Fixed, slots } if slots.contains(&slot) => {
+                Some((vec![wanted.number], *number))
+            }
+            Take::Numbers { number, coding: Coding::Fixed, slots, .. } if slots.iter().any(|&(_, own)| own == slot) => {
+                Some((Vec::new(), *number))
+            }
+            Take::Message(inner) => {
+                let (mut way, number) = inner.way(slot)?;
+                if !way.is_empty() {
+                    way.insert(0, wanted.number);
+                }
+                Some((way, number))
+            }
+            Take::Messages { elements, .. } => {
+                elements.iter().find_map(|(_, inner)| inner.way(slot)).map(|(_, number)| (Vec::new(), number))
+            }
+            _ => None,
+        })
+    }
+}
+
+/// A message that holds one number at the end of a way, to be merged into another: all that follows counts.
+pub(super) fn alone(way: &[u32], bytes: &[u8]) -> Vec<u8> {
+    let Some((&number, outer)) = way.split_last() else { return Vec::new() };
+    let mut out = Vec::new();
+    varint(&mut out, u64::from(number) << 3 | if bytes.len() == 8 { wire::I64 } else { wire::I32 });
+    out.extend_from_slice(bytes);
+    for &number in outer.iter().rev() {
+        let mut around = Vec::new();
+        varint(&mut around, u64::from(number) << 3 | wire::LEN);
+        varint(&mut around, out.len() as u64);
+        around.extend(out);
+        out = around;
+    }
+    out
+}
+
+fn varint(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
 }
 
 struct Compiler<'a> {
@@ -144,7 +201,7 @@ impl Compiler<'_> {
     }
 }
 
-struct Walk<'d, 'n> {
+struct Walk<'d, 'n, const LOCATE: bool> {
     data: &'d [u8],
     at: usize,
     numbers: &'n mut [f64],
@@ -165,12 +222,13 @@ mod wire {
     pub(super) const I32: u64 = 5;
 }
 
-impl Walk<'_, '_> {
+impl<const LOCATE: bool> Walk<'_, '_, LOCATE> {
     fn message(&mut self, message: &Tagged, end: usize) -> Result<(), Malformed> {
         // A message in parts is merged: only the first part begins with the defaults.
         if self.begun & 1 << message.id == 0 {
             self.begun |= 1 << message.id;
-            message.absent.iter().for_each(|&(slot, bits)| self.put(slot, f64::from_bits(bits.0)));
+            let value = |bits: Bits| if LOCATE { f64::NAN } else { f64::from_bits(bits.0) };
+            message.absent.iter().for_each(|&(slot, bits)| self.put(slot, value(bits)));
         }
         while self.at < end {
             let (number, kind) = self.tag(end)?;
@@ -242,13 +300,19 @@ impl Walk<'_, '_> {
     }
 
     fn number(&mut self, number: Number, coding: Coding, end: usize) -> Result<f64, Malformed> {
-        match coding {
+        let start = self.at;
+        let read = match coding {
             Coding::Varint => Ok(number.cast(self.varint(end)?)),
             Coding::Zigzag => {
                 let bits = self.varint(end)?;
                 Ok(number.cast(bits >> 1 ^ (bits & 1).wrapping_neg()))
             }
             Coding::Fixed => Ok(number.read::<false>(self.bytes(number.size(), end)?).unwrap_or(f64::NAN)),
+        };
+        match (LOCATE, coding) {
+            (false, _) => read,
+            (true, Coding::Fixed) => read.map(|_| start as f64),
+            (true, _) => read.map(|_| f64::NAN),
         }
     }
 

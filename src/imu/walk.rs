@@ -68,8 +68,9 @@ const WIDTHS: [usize; 3] = [4, 2, 1];
 const PADDING: usize = 3;
 
 impl Plan {
-    /// Walks `data` from byte `origin` on, from which alignment counts; the text found, without its terminator.
-    pub(super) fn walk<'d, const BIG: bool>(
+    /// Walks `data` from byte `origin` on, from which alignment counts; the text found, without its terminator. With
+    /// `LOCATE`, not the numbers themselves are found but the places where they begin.
+    pub(super) fn walk<'d, const BIG: bool, const LOCATE: bool>(
         &self,
         data: &'d [u8],
         origin: usize,
@@ -77,12 +78,12 @@ impl Plan {
     ) -> Result<&'d [u8], Malformed> {
         let body = data.get(origin..).unwrap_or_default();
         if !self.wide {
-            return Ok(self.walk_with::<BIG>(body, origin, numbers, 1)?.text);
+            return Ok(self.walk_with::<BIG, LOCATE>(body, origin, numbers, 1)?.text);
         }
         // The width is the one with which the message ends nearest to where the payload does.
         let mut best: Option<Fit> = None;
         for width in WIDTHS {
-            let Ok(walk) = self.walk_with::<BIG>(body, origin, numbers, width) else { continue };
+            let Ok(walk) = self.walk_with::<BIG, LOCATE>(body, origin, numbers, width) else { continue };
             let fit = walk.fit();
             match &best {
                 _ if fit.padding > PADDING => {}
@@ -94,19 +95,19 @@ impl Plan {
             }
         }
         let width = best.as_ref().map_or(WIDTHS[0], |fit| fit.width);
-        let walk = self.walk_with::<BIG>(body, origin, numbers, width)?;
+        let walk = self.walk_with::<BIG, LOCATE>(body, origin, numbers, width)?;
         if best.is_some() { Ok(walk.text) } else { Err(Malformed::WideText) }
     }
 
     #[inline]
-    fn walk_with<'p, 'd, 'n, const BIG: bool>(
+    fn walk_with<'p, 'd, 'n, const BIG: bool, const LOCATE: bool>(
         &'p self,
         body: &'d [u8],
         origin: usize,
         numbers: &'n mut [f64],
         wide: usize,
-    ) -> Result<Walk<'p, 'd, 'n, BIG>, Malformed> {
-        let mut walk = Walk::<BIG> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
+    ) -> Result<Walk<'p, 'd, 'n, BIG, LOCATE>, Malformed> {
+        let mut walk = Walk::<BIG, LOCATE> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
         walk.steps(&self.steps)?;
         Ok(walk)
     }
@@ -121,7 +122,7 @@ struct Fit {
     digest: u32,
 }
 
-struct Walk<'p, 'd, 'n, const BIG: bool> {
+struct Walk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
     plan: &'p Plan,
     origin: usize,
     body: &'d [u8],
@@ -132,7 +133,7 @@ struct Walk<'p, 'd, 'n, const BIG: bool> {
     text: &'d [u8],
 }
 
-impl<'d, const BIG: bool> Walk<'_, 'd, '_, BIG> {
+impl<'d, const BIG: bool, const LOCATE: bool> Walk<'_, 'd, '_, BIG, LOCATE> {
     fn fit(&self) -> Fit {
         let mut digest = crc32fast::Hasher::new();
         self.numbers.iter().for_each(|number| digest.update(&number.to_le_bytes()));
@@ -221,7 +222,10 @@ impl<'d, const BIG: bool> Walk<'_, 'd, '_, BIG> {
     #[inline]
     fn read(&mut self, span: &[u8], gets: Gets) {
         for get in self.plan.gets.get(gets.from..gets.to).unwrap_or_default() {
-            let value = span.get(get.at..).and_then(|bytes| get.number.read::<BIG>(bytes));
+            let value = match LOCATE {
+                true => Some((self.origin + self.at - span.len() + get.at) as f64),
+                false => span.get(get.at..).and_then(|bytes| get.number.read::<BIG>(bytes)),
+            };
             if let (Some(slot), Some(value)) = (self.numbers.get_mut(get.slot), value) {
                 *slot = value;
             }

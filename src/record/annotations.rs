@@ -1,6 +1,8 @@
 //! What is folded into a recording: topics and blocks of messages, without ids. Ids are given by whoever writes them,
 //! since a sidecar counts from 1 and an annotated recording takes the lowest that are free.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::wire::{Fields, Put as _};
@@ -10,14 +12,17 @@ use super::wire::{Fields, Put as _};
 pub struct Topic {
     /// Full name, `/imu/data/stillpoint/segment` for instance.
     pub name: String,
-    /// Type name of its messages. Topics of one schema name share one schema.
+    /// Type name of its messages; empty, with the two below, for messages without schema. What is the same as a schema
+    /// of the recording is written with its id.
     pub schema_name: String,
-    /// Language of the schema: `ros2msg` or `protobuf`.
+    /// Language of the schema: `ros2msg` or `protobuf`, for instance.
     pub schema_encoding: String,
     /// The schema, in that language.
     pub schema: Vec<u8>,
-    /// Encoding of the messages: `cdr` or `protobuf`.
+    /// Encoding of the messages: `cdr` or `protobuf`, for instance.
     pub message_encoding: String,
+    /// What is noted of the channel.
+    pub metadata: BTreeMap<String, String>,
 }
 
 /// One annotation. Its publish time is its log time.

@@ -89,13 +89,14 @@ impl Emitter {
     /// Gives ids to those topics that have none.
     pub(super) fn assign(&mut self, topics: &[Topic]) -> Result<(), Error> {
         for topic in topics.iter().skip(self.channels.len()) {
-            let known = self.schemas.iter().find(|schema| {
+            let known = self.schemas.iter().chain(self.summary.schemas.values()).find(|schema| {
                 schema.name == topic.schema_name
                     && schema.encoding == topic.schema_encoding
                     && schema.data == topic.schema
             });
             let schema_id = match known {
                 Some(schema) => schema.id,
+                None if topic.schema_name.is_empty() && topic.schema.is_empty() => 0,
                 None => {
                     let id = self.taken.schemas.take("schema")?;
                     self.schemas.push(Schema {
@@ -112,7 +113,7 @@ impl Emitter {
                 schema_id,
                 topic: topic.name.clone(),
                 message_encoding: topic.message_encoding.clone(),
-                metadata: BTreeMap::new(),
+                metadata: topic.metadata.clone(),
             });
         }
         Ok(())

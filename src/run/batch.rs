@@ -8,11 +8,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use super::learn::{Learned, Learner};
+use super::correct::SecondReading;
+use super::learn::{Learned, Learner, not_corrected, uncorrected};
 use super::output::{Output, Written};
 use super::recording::{Listener, Recording, Watch};
 use super::spill::Spill;
 use crate::Error;
+use crate::annotate::{Corrected, Corrections};
 use crate::config::Config;
 use crate::imu::Verdict;
 use crate::record::{Block, Channel, Damage, Event, Fold, Inventory, Piece, Sidecar, Tail};
@@ -94,6 +96,10 @@ pub fn annotate(
     if let Some(original) = recording.original_within(&inventory)? {
         drop(output);
         return annotate(&original, path, config, options, watch);
+    }
+    let mut learned = learned;
+    if config.output.corrected == Corrected::Final {
+        correct_all(recording, config, &mut learned, &mut kept, watch)?;
     }
     let report = Report::new(&inventory, &learned);
     let result = match options.form {
@@ -229,6 +235,31 @@ fn learn(
     Ok((inventory, learned))
 }
 
+/// Reads the recording again, and corrects its messages by the last calibrations.
+fn correct_all(
+    recording: &Recording,
+    config: &Config,
+    learned: &mut Learned,
+    kept: &mut Kept,
+    watch: Watch<'_>,
+) -> Result<(), Error> {
+    let of = |imu: &Findings| imu.calibration.as_ref().map(Corrections::of);
+    let corrections: Vec<_> = learned.imus.iter().map(of).collect();
+    for (imu, corrections) in learned.imus.iter().zip(&corrections) {
+        learned.notes.extend(corrections.as_ref().and_then(|corrections| uncorrected(&imu.name, corrections)));
+    }
+    if corrections.iter().all(Option::is_none) {
+        return Ok(());
+    }
+    let keep = |block: &Block| kept.block(block);
+    let mut again = SecondReading::new(config, &mut learned.annotator, corrections, keep);
+    recording.scan(watch, &mut again)?;
+    let corrector = again.finish()?;
+    let stuck = learned.imus.iter().filter(|imu| imu.calibration.is_some() && !corrector.has_written(&imu.name));
+    learned.notes.extend(stuck.map(not_corrected));
+    Ok(())
+}
+
 fn write_annotated(
     output: &mut Output,
     recording: &Recording,
@@ -240,7 +271,7 @@ fn write_annotated(
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
     let tail = tail(recording, inventory.prefix(), watch)?;
-    let (mut fold, pieces) = Fold::open(inventory, tail, settings, &learned.topics).map_err(refused)?;
+    let (mut fold, pieces) = Fold::open(inventory, tail, settings, learned.annotator.topics()).map_err(refused)?;
     for piece in pieces {
         match piece {
             Piece::Original(range) if range.start == 0 => output.keep(range, recording)?,
@@ -250,7 +281,7 @@ fn write_annotated(
     kept.blocks.rewind()?;
     while let Some(block) = next_block(&mut kept.blocks)? {
         watch(recording.length())?;
-        output.put(&fold.block(&learned.topics, &block).map_err(refused)?, recording)?;
+        output.put(&fold.block(learned.annotator.topics(), &block).map_err(refused)?, recording)?;
         kept.indexes.push(&fold.take_indexes())?;
     }
     output.close(fold.close(), kept.indexes, recording)
@@ -271,7 +302,7 @@ fn write_sidecar(
     // Those of the recording are of no use here.
     let mut indexes = Spill::beside(recording.path());
     while let Some(block) = next_block(&mut kept.blocks)? {
-        let bytes = sidecar.block(&learned.topics, &block).map_err(refused)?;
+        let bytes = sidecar.block(learned.annotator.topics(), &block).map_err(refused)?;
         output.put(&Piece::Bytes(bytes), recording)?;
         indexes.push(&sidecar.take_indexes())?;
     }

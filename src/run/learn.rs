@@ -2,13 +2,14 @@
 //!
 //! Reading the messages is left to [`Recording`](super::Recording), writing the annotations to [`annotate`](super::annotate()).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::correct::Corrector;
 use super::news::{News, Tell};
 use crate::Stamp;
-use crate::annotate::{self, Annotator};
+use crate::annotate::{self, Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message, Secondary};
 use crate::fit::{Gravity, Place, Source};
@@ -34,7 +35,7 @@ pub(super) struct Learner {
     #[serde(skip)]
     blocks: Vec<Block>,
     channels: Vec<Channel>,
-    known: BTreeSet<u16>,
+    corrector: Corrector,
     damage: Vec<Damage>,
     damages: u64,
     /// Of the last message.
@@ -54,6 +55,8 @@ struct Learning {
     /// Not saved: the annotations say the same.
     #[serde(skip)]
     findings: Findings,
+    /// By the calibration in force.
+    corrections: Option<Corrections>,
 }
 
 /// What a recording taught.
@@ -67,7 +70,8 @@ pub(super) struct Learned {
     /// The first ones.
     pub(super) damage: Vec<Damage>,
     pub(super) damages: u64,
-    pub(super) topics: Vec<Topic>,
+    /// Has all topics, and can go on.
+    pub(super) annotator: Annotator,
     /// The last blocks, which nobody took.
     pub(super) blocks: Vec<Block>,
 }
@@ -82,7 +86,7 @@ impl Learner {
             annotator: Annotator::new(config.output.encoding.in_profile("")),
             blocks: Vec::new(),
             channels: Vec::new(),
-            known: BTreeSet::new(),
+            corrector: Corrector::default(),
             damage: Vec::new(),
             damages: 0,
             log_time: 0,
@@ -130,7 +134,7 @@ impl Learner {
 
     /// Tells how each IMU stands.
     pub(super) fn tell_imus(&self, tell: Tell<'_>) {
-        for Learning { engine, findings } in &self.imus {
+        for Learning { engine, findings, .. } in &self.imus {
             tell(News::Imu { findings, status: engine.status() });
         }
     }
@@ -148,13 +152,14 @@ impl Learner {
             }
             Event::Schema(schema) => {
                 self.schemas.insert(schema.id, schema.clone());
+                self.corrector.schema(schema);
             }
             Event::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id);
                 self.intake.channel(channel, schema);
                 tell(News::Channel { channel, schema });
                 self.channels.push(channel.clone());
-                self.known.insert(channel.id);
+                self.corrector.channel(channel);
                 for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
                     learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
                 }
@@ -163,6 +168,7 @@ impl Learner {
                 self.log_time = message.log_time;
                 if self.intake.wants(message.channel) {
                     self.message(&message, tell);
+                    self.correct(&message);
                 }
             }
             Event::ChunkEnd => {
@@ -183,7 +189,7 @@ impl Learner {
 
     /// Whether messages on these channels, all of them known, teach nothing.
     pub(super) fn is_useless(&self, channels: &[u16]) -> bool {
-        channels.iter().all(|&id| self.known.contains(&id) && !self.intake.wants(id))
+        channels.iter().all(|&id| self.corrector.knows(id) && !self.intake.wants(id))
     }
 
     /// Hands over the blocks that were closed since the last time, so that they do not pile up.
@@ -205,7 +211,10 @@ impl Learner {
             self.publish(i, tell);
         }
         let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
-        let notes = faults.chain(missing(&self.intake)).collect();
+        let causal = self.config.output.corrected == Corrected::Causal;
+        let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
+        let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
+        let notes = faults.chain(missing(&self.intake)).chain(stuck).collect();
         let last = self.annotator.finish();
         let verdict = |channel: Channel| {
             let verdict = self.intake.verdict(channel.id).clone();
@@ -218,7 +227,7 @@ impl Learner {
             notes,
             damage: self.damage,
             damages: self.damages,
-            topics: self.annotator.topics().to_vec(),
+            annotator: self.annotator,
             blocks: self.blocks,
         }
     }
@@ -236,7 +245,7 @@ impl Learner {
             let mut engine = Engine::new(engine_config(imu, &self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
             let findings = self.nothing_of(imu);
-            self.imus.push(Learning { engine, findings });
+            self.imus.push(Learning { engine, findings, corrections: None });
         }
         for notice in self.intake.take_notices() {
             self.log(Level::Warning, notice.text, tell);
@@ -257,6 +266,14 @@ impl Learner {
             }
         }
         self.readings.clear();
+    }
+
+    /// Writes the corrected message, by the calibrations in force.
+    fn correct(&mut self, message: &Recorded<'_>) {
+        if self.config.output.corrected == Corrected::Causal {
+            let by = |imu: ImuId| self.imus.get(imu.index()).and_then(|imu| imu.corrections.as_ref());
+            self.corrector.correct(message, &self.intake, by, &mut self.annotator, &mut self.blocks);
+        }
     }
 
     /// The recording has said where it is made.
@@ -288,12 +305,22 @@ impl Learner {
     /// Annotates the events of an IMU.
     fn publish(&mut self, imu: usize, tell: Tell<'_>) {
         let name = self.intake.imus().get(imu).map_or("", |imu| &imu.name);
+        let mut left = None;
         for event in self.events.drain(..) {
             self.blocks.extend(self.annotator.push(name, &event));
             tell_of(&self.annotator, name, &event, tell);
-            if let Some(learning) = self.imus.get_mut(imu) {
-                learning.findings.note(&event);
+            let Some(learning) = self.imus.get_mut(imu) else { continue };
+            learning.findings.note(&event);
+            if let Message::Calibration(calibration) = &event.message
+                && self.config.output.corrected == Corrected::Causal
+            {
+                let first = learning.corrections.is_none();
+                let corrections = learning.corrections.insert(Corrections::of(calibration));
+                left = left.or_else(|| uncorrected(name, corrections).filter(|_| first));
             }
+        }
+        if let Some(text) = left {
+            self.log(Level::Info, text, tell);
         }
     }
 
@@ -312,6 +339,20 @@ fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'
     let Some(annotation) = annotator.open().last() else { return };
     let Some(topic) = annotator.topics().get(annotation.topic) else { return };
     tell(News::Annotation { imu, topic, annotation, event });
+}
+
+/// Why there are no corrected messages of an IMU that was calibrated.
+pub(super) fn not_corrected(imu: &Findings) -> String {
+    format!("{}: no message could be corrected: its readings are integers, which cannot hold the result", imu.name)
+}
+
+/// Which readings stay as they are in corrected messages, in words, if any do.
+pub(super) fn uncorrected(name: &str, corrections: &Corrections) -> Option<String> {
+    let left = corrections.undetermined();
+    let list = left.join(", ");
+    (!left.is_empty()).then(|| {
+        format!("{name}: corrected messages leave what is not determined, or depends on more, as it is: {list}")
+    })
 }
 
 /// What the configuration names and the recording lacks, one line each.

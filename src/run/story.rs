@@ -47,7 +47,7 @@ pub fn stories(recording: &Recording, config: &Config, watch: Watch<'_>) -> Resu
         Ok(())
     })?;
     if let Some(learned) = learner.map(|learner| learner.finish(&mut |_| {})) {
-        learned.blocks.iter().for_each(|block| teller.block(block, &learned.topics));
+        learned.blocks.iter().for_each(|block| teller.block(block, learned.annotator.topics()));
         if learned.imus.is_empty() {
             return Err(no_imu(recording.path(), &inventory, &learned.channels));
         }

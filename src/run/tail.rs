@@ -406,7 +406,7 @@ impl Shell<'_> {
             return Err(batch::no_imu(growing.path(), &inventory, &learned.channels));
         }
         let last = std::mem::take(&mut learned.blocks);
-        self.append(&mut sidecar, &profile, &learned.topics, last, growing.path())?;
+        self.append(&mut sidecar, &profile, learned.annotator.topics(), last, growing.path())?;
         self.patiently(tell, |shell| shell.appending.flush())?;
         let report = Report::new(&inventory, &learned);
         if ending == Ending::Truncated {
@@ -447,7 +447,7 @@ impl Shell<'_> {
     ) -> Result<(Report, Written), Error> {
         let watch = |_| self.stop.check();
         let mut kept = Kept::beside(&self.output);
-        self.appending.blocks(&learned.topics, &watch, |block| kept.block(block))?;
+        self.appending.blocks(learned.annotator.topics(), &watch, |block| kept.block(block))?;
         kept.indexes(indexes)?;
         batch::fold(recording, (inventory, learned), kept, &self.output, self.config, self.following.options, &watch)
     }

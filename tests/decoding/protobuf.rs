@@ -311,3 +311,39 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn rewritten_numbers_read_as_told_even_where_zeros_were_left_out() {
+    let text = "syntax = \"proto3\"; message V { double x = 1; double y = 2; float z = 3; } \
+                message In { V v = 2; } message Root { In in = 1; string name = 3; repeated double list = 4; int32 n = 5; }";
+    let paths = ["in.v.x", "in.v.y", "in.v.z", "list[1]", "n"];
+    let pool =
+        DescriptorPool::decode(compile(&text.replacen("\"proto3\";", "\"proto3\"; package t;", 1)).as_slice()).unwrap();
+    let root = pool.get_message_by_name("t.Root").unwrap();
+    let mut message = DynamicMessage::new(root.clone());
+    let set = |message: &mut DynamicMessage, name: &str, value| message.set_field_by_name(name, value);
+    let mut v = DynamicMessage::new(pool.get_message_by_name("t.V").unwrap());
+    // x is zero, and so is not there.
+    set(&mut v, "y", Value::F64(2.0));
+    set(&mut v, "z", Value::F32(3.0));
+    let mut inner = DynamicMessage::new(pool.get_message_by_name("t.In").unwrap());
+    set(&mut inner, "v", Value::Message(v));
+    set(&mut message, "in", Value::Message(inner));
+    set(&mut message, "name", Value::String("imu".into()));
+    set(&mut message, "list", Value::List(vec![Value::F64(0.0), Value::F64(0.0)]));
+    set(&mut message, "n", Value::I32(4));
+    let bytes = message.encode_to_vec();
+
+    let decoder = decoder(&layout(text), &paths);
+    let told = [(0, 1.5), (1, -2.5), (2, 0.25), (3, 8.0)];
+    let rewritten = decoder.rewrite(&bytes, paths.len(), &told).unwrap();
+    let read = DynamicMessage::decode(root, rewritten.as_slice()).unwrap();
+    let field = |message: &DynamicMessage, name: &str| message.get_field_by_name(name).unwrap().into_owned();
+    let inner = field(&read, "in");
+    let v = field(inner.as_message().unwrap(), "v");
+    let v = v.as_message().unwrap();
+    assert_eq!([field(v, "x"), field(v, "y"), field(v, "z")], [Value::F64(1.5), Value::F64(-2.5), Value::F32(0.25)]);
+    assert_eq!(field(&read, "list"), Value::List(vec![Value::F64(0.0), Value::F64(8.0)]));
+    assert_eq!((field(&read, "name"), field(&read, "n")), (Value::String("imu".into()), Value::I32(4)));
+    assert_eq!(decoder.rewrite(&bytes, paths.len(), &[(4, 1.0)]), None, "an integer cannot hold it");
+}

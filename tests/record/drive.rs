@@ -92,6 +92,7 @@ pub fn topics() -> Vec<Topic> {
             schema_encoding: "protobuf".into(),
             schema: kind.as_bytes().to_vec(),
             message_encoding: "protobuf".into(),
+            metadata: BTreeMap::new(),
         })
         .collect()
 }
