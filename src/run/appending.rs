@@ -81,6 +81,9 @@ impl Appending {
         watch: Watch<'_>,
         mut each: impl FnMut(Said<'_>) -> Result<(), Error>,
     ) -> Result<(), Error> {
+        if self.length == 0 {
+            return Ok(());
+        }
         let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
         let recording = Recording::of_file(file, &self.path, self.length);
         let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());

@@ -93,14 +93,16 @@ impl Growing {
         }
     }
 
-    /// Everything in front of this byte has been read, and will not change.
-    pub(super) fn passed(&mut self, offset: u64) -> Result<(), Error> {
+    /// Everything in front of this byte has been read, and will not change; `false` if something did.
+    pub(super) fn passed(&mut self, offset: u64) -> Result<bool, Error> {
         let mut bytes = vec![0; KNOWN.min(offset as usize)];
         let start = offset - bytes.len() as u64;
-        if self.read(&mut bytes, start)? {
+        // In this order, so that what was written anew meanwhile is not taken for what was read.
+        let passed = self.read(&mut bytes, start)? && self.is_known();
+        if passed {
             self.known = (offset, bytes);
         }
-        Ok(())
+        Ok(passed)
     }
 
     /// What the file is known again by.

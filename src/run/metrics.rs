@@ -140,9 +140,6 @@ impl Metrics {
 
 impl Counts {
     fn followed(&mut self, recording: &Path) -> &mut Followed {
-        if !self.followed.contains_key(recording) {
-            self.followed.insert(recording.to_owned(), Followed::default());
-        }
         self.followed.entry(recording.to_owned()).or_default()
     }
 

@@ -234,6 +234,7 @@ impl Shell<'_> {
             Found::Nothing => {}
         }
         growing.recognise(&(0, Vec::new()));
+        growing.passed(growing.length().min(64))?;
         self.appending.cut(0)?;
         let (scan, learner) = (Scan::new(), Learner::new(self.config));
         let course = Course { growing, scan, learner, sidecar: None, profile: String::new() };
@@ -257,7 +258,10 @@ impl Shell<'_> {
                 self.tell_progress(course, tell);
                 self.pause(self.following.poll)?;
                 match course.growing.look()? {
-                    Look::Grown => break last = Instant::now(),
+                    Look::Grown => {
+                        last = Instant::now();
+                        break;
+                    }
                     Look::Lost => return Ok(Ending::Truncated),
                     Look::Unnamed(ending) => unnamed = Some(ending),
                     Look::Same => {}
@@ -312,8 +316,8 @@ impl Shell<'_> {
             }
         };
         self.write(course, tell)?;
-        if course.scan.offset() > before {
-            course.growing.passed(course.scan.offset())?;
+        if course.scan.offset() > before && !course.growing.passed(course.scan.offset())? {
+            return Ok(Reached::Loss);
         }
         Ok(reached)
     }
@@ -367,7 +371,10 @@ impl Shell<'_> {
     /// Saves where it stands, if that is a place to go on from.
     fn save(&mut self, course: &mut Course) -> Result<(), Error> {
         let Some(position) = course.scan.position() else { return Ok(()) };
-        course.growing.passed(course.scan.offset())?;
+        if !course.growing.passed(course.scan.offset())? {
+            // It was written anew, which the next look at it will find out.
+            return Ok(());
+        }
         let state = StateOf {
             known: course.growing.known(),
             position: &position,

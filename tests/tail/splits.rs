@@ -58,24 +58,21 @@ fn follow(bytes: &[u8], lengths: &[usize], events: &mut Vec<String>) -> Option<V
         keep_sidecar: false,
         options: Options::default(),
     };
-    let mut tell = |news: News<'_>| {
-        if let News::Annotation { event, .. } = news {
-            events.push(format!("{event:?}"));
-        }
-    };
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let mut file = File::create(&input).unwrap();
-            let mut from = 0;
-            for &until in lengths {
+    let (mut lengths, mut from) = (lengths.iter().filter(|&&until| until > 0), 0);
+    let mut tell = |news: News<'_>| match news {
+        News::Annotation { event, .. } => events.push(format!("{event:?}")),
+        // Whenever all has been read, there is more.
+        News::Awaited | News::Read(_) => {
+            if let Some(&until) = lengths.next() {
+                let mut file = File::options().create(true).append(true).open(&input).unwrap();
                 file.write_all(&bytes[from..until]).unwrap();
                 from = until;
-                std::thread::sleep(Duration::from_millis(2));
             }
-        });
-        let done = run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell);
-        done.ok().map(|_| folder.read("out.mcap"))
-    })
+        }
+        _ => {}
+    };
+    let done = run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell);
+    done.ok().map(|_| folder.read("out.mcap"))
 }
 
 fn batch(bytes: &[u8]) -> Option<Vec<u8>> {

@@ -145,6 +145,7 @@ fn each_recording_of_a_directory_is_annotated_once_or_put_aside_with_the_reason(
     let (refused, done): (Vec<_>, Vec<_>) = all.iter().partition(|(_, one)| one.refused.is_some());
     let began = Instant::now();
     loop {
+        wait_for("a look through the directory", || get(&folder, "/readyz").0.contains("200"));
         let (_, text) = get(&folder, "/metrics");
         let state = |state| metric(&text, &format!("stillpoint_recordings{{state=\"{state}\"}}")) as usize;
         if (state("annotated"), state("quarantined")) == (done.len(), refused.len()) {
