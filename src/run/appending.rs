@@ -60,6 +60,11 @@ impl Appending {
         self.pending.extend_from_slice(bytes);
     }
 
+    /// Whether something could not be written yet.
+    pub(super) fn has_pending(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
     /// Writes what it was given. What could not be written is written the next time.
     pub(super) fn flush(&mut self) -> Result<(), Error> {
         if self.pending.is_empty() {

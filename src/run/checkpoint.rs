@@ -88,6 +88,14 @@ impl Checkpoint {
         Ok(decode(&bytes, owner))
     }
 
+    /// Marks the sidecar as ours before there is a state to go on from.
+    pub(super) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
+        self.settle()?;
+        let refused = |error| Error::io("write", &self.path)(error);
+        let bytes = encode(owner, None).map_err(|error| refused(io::Error::other(error)))?;
+        replace(&self.path, &bytes).map_err(refused)
+    }
+
     /// Whether it is time to save again.
     pub(super) fn is_due(&self) -> bool {
         self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
@@ -97,7 +105,8 @@ impl Checkpoint {
     pub(super) fn save(&mut self, owner: &Owner, state: &StateOf<'_>, sidecar: &Appending) -> Result<(), Error> {
         let before = self.settle();
         let began = Instant::now();
-        let bytes = encode(owner, state).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
+        let bytes =
+            encode(owner, Some(state)).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
         self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
         let sidecar = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
         let path = self.path.clone();
@@ -125,12 +134,14 @@ impl Checkpoint {
     }
 }
 
-fn encode(owner: &Owner, state: &StateOf<'_>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
+fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend([0; 4]);
     // Names of fields are kept, since the configuration leaves out what is not set.
     rmp_serde::encode::write_named(&mut bytes, owner)?;
-    rmp_serde::encode::write_named(&mut bytes, state)?;
+    if let Some(state) = state {
+        rmp_serde::encode::write_named(&mut bytes, state)?;
+    }
     let crc = crc32fast::hash(bytes.get(HEAD..).unwrap_or_default());
     if let Some(place) = bytes.get_mut(MAGIC.len()..HEAD) {
         place.copy_from_slice(&crc.to_le_bytes());
@@ -147,6 +158,8 @@ fn decode(bytes: &[u8], owner: &Owner) -> Found {
     match rmp_serde::from_read::<_, Owner>(&mut body) {
         Ok(found) if found.version != owner.version => Found::Useless("is of another version"),
         Ok(found) if found.configuration != owner.configuration => Found::Useless("is of another configuration"),
+        // A mark alone.
+        Ok(_) if body.is_empty() => Found::Nothing,
         Ok(_) => match rmp_serde::from_read(&mut body) {
             Ok(state) => Found::State(state),
             Err(_) => Found::Useless("is of another version"),

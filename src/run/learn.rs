@@ -197,6 +197,11 @@ impl Learner {
         self.blocks.drain(..)
     }
 
+    /// Whether there are blocks that nobody took yet.
+    pub(super) fn has_blocks(&self) -> bool {
+        !self.blocks.is_empty()
+    }
+
     /// Topics of the annotations so far.
     pub(super) fn topics(&self) -> &[Topic] {
         self.annotator.topics()

@@ -336,7 +336,7 @@ impl Shell<'_> {
         }
         if course.sidecar.is_none() && !self.checkpoint.exists() {
             // A sidecar without a checkpoint is somebody else's.
-            self.patiently(tell, |shell| shell.save(course).and_then(|()| shell.checkpoint.settle()))?;
+            self.patiently(tell, |shell| shell.checkpoint.mark(&shell.owner))?;
         }
         let Course { growing, learner, sidecar, profile, .. } = course;
         self.append(sidecar, profile, learner.annotator().topics(), blocks, growing.path())?;
@@ -368,8 +368,11 @@ impl Shell<'_> {
         }
     }
 
-    /// Saves where it stands, if that is a place to go on from.
+    /// Saves where it stands, if that is a place to go on from: all that was learned is written.
     fn save(&mut self, course: &mut Course) -> Result<(), Error> {
+        if course.learner.has_blocks() || self.appending.has_pending() {
+            return Ok(());
+        }
         let Some(position) = course.scan.position() else { return Ok(()) };
         if !course.growing.passed(course.scan.offset())? {
             // It was written anew, which the next look at it will find out.

@@ -1,5 +1,7 @@
 //! A `stillpoint tail` that runs beside the test.
 
+use std::fs::File;
+use std::io::{Read as _, Seek as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -7,23 +9,26 @@ use std::time::{Duration, Instant};
 use crate::common::{Folder, Run};
 
 /// A running program.
-pub struct Running(Child);
+pub struct Running(Child, [File; 2]);
 
 impl Running {
     /// Starts the program in the folder, with arguments that stand in one line.
     pub fn start(folder: &Folder, line: &str) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
         command.args(line.split_whitespace()).current_dir(folder.path()).env("NO_COLOR", "1");
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        Self(command.spawn().unwrap())
+        // Files, since nobody reads a pipe meanwhile.
+        let said = [tempfile::tempfile().unwrap(), tempfile::tempfile().unwrap()];
+        let [stdout, stderr] = said.each_ref().map(|file| file.try_clone().unwrap());
+        Self(command.stdin(Stdio::null()).stdout(stdout).stderr(stderr).spawn().unwrap(), said)
     }
 
     /// The same, with standard error in a file of the folder.
     pub fn start_logged(folder: &Folder, line: &str, log: &str) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
         command.args(line.split_whitespace()).current_dir(folder.path()).env("NO_COLOR", "1").stdin(Stdio::null());
-        let log = std::fs::File::create(folder.path().join(log)).unwrap();
-        Self(command.stdout(Stdio::null()).stderr(log).spawn().unwrap())
+        let log = File::create(folder.path().join(log)).unwrap();
+        let said = [tempfile::tempfile().unwrap(), log.try_clone().unwrap()];
+        Self(command.stdout(Stdio::null()).stderr(log).spawn().unwrap(), said)
     }
 
     pub fn id(&self) -> u32 {
@@ -46,16 +51,17 @@ impl Running {
         while !self.has_ended() {
             if began.elapsed() > Duration::from_secs(300) {
                 self.0.kill().unwrap();
-                panic!("still running after five minutes: {:?}", self.0.wait_with_output());
+                panic!("still running after five minutes");
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        let output = self.0.wait_with_output().unwrap();
-        Run {
-            code: output.status.code().unwrap_or(-1),
-            stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
-        }
+        let code = self.0.wait().unwrap().code().unwrap_or(-1);
+        let [stdout, stderr] = self.1.map(|mut file| {
+            let mut text = String::new();
+            file.rewind().and_then(|()| file.read_to_string(&mut text)).unwrap();
+            text
+        });
+        Run { code, stdout, stderr }
     }
 }
 
