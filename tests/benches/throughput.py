@@ -7,8 +7,6 @@ $STILLPOINT_BENCH (target/bench by default) and removes them. Everything is read
 synced, but what `--in-place` always syncs. A ratio is that of medians; the order of the programs changes from round to
 round. `--memory` compares the peak memory of 1 GB, of 8 GB, and of 150,000 chunks; `--smoke` tries everything on little
 files and judges nothing.
-
-How the bounds of the design are to be read, and what was measured, is in throughput.md beside this file.
 """
 
 import argparse

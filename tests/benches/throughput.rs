@@ -51,7 +51,7 @@ fn make(kind: &str, bytes: u64, path: &Path) {
     let file = BufWriter::with_capacity(1 << 20, File::create(path).unwrap());
     let options = WriteOptions::new().profile("ros2").library("throughput").compression(compression);
     let options = options.chunk_size(Some(chunk)).compression_threads(0);
-    let mut writer = options.create(mcap::write::NoSeek::new(file)).unwrap();
+    let mut writer = options.create(file).unwrap();
     let schema = stillpoint_schema(&mut writer);
     let imu = writer.add_channel(schema, "/imu/data", "cdr", &BTreeMap::new()).unwrap();
     let image = writer.add_schema("sensor_msgs/msg/CompressedImage", "ros2msg", b"uint8[] data").unwrap();
@@ -187,11 +187,8 @@ fn read(path: &Path) -> u64 {
 fn rewrite(path: &Path, out: &Path) {
     let file = std::fs::read(path).unwrap();
     let out = BufWriter::with_capacity(1 << 20, File::create(out).unwrap());
-    let mut writer = WriteOptions::new()
-        .compression(Some(Compression::Zstd))
-        .compression_threads(0)
-        .create(mcap::write::NoSeek::new(out))
-        .unwrap();
+    let mut writer =
+        WriteOptions::new().compression(Some(Compression::Zstd)).compression_threads(0).create(out).unwrap();
     for message in mcap::MessageStream::new(&file).unwrap() {
         writer.write(&message.unwrap()).unwrap();
     }
