@@ -26,7 +26,8 @@ impl Running {
     pub fn start_logged(folder: &Folder, line: &str, log: &str) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
         command.args(line.split_whitespace()).current_dir(folder.path()).env("NO_COLOR", "1").stdin(Stdio::null());
-        let log = File::create(folder.path().join(log)).unwrap();
+        let options = File::options().read(true).write(true).create(true).truncate(true).clone();
+        let log = options.open(folder.path().join(log)).unwrap();
         let said = [tempfile::tempfile().unwrap(), log.try_clone().unwrap()];
         Self(command.stdout(Stdio::null()).stderr(log).spawn().unwrap(), said)
     }
