@@ -172,7 +172,7 @@ fn both_schemas_state_units_and_direction() {
     for encoding in [Encoding::Ros2, Encoding::Protobuf] {
         let (topic, _) = alone(encoding, Message::Calibration(Box::default()));
         let text = String::from_utf8_lossy(&topic.schema);
-        for statement in ["measured = bias + S * true", "accelerometers m/s^2", "one standard deviation", "row by row"]
+        for statement in ["measured = bias + S * true", "accelerometers m/s^2", "One standard deviation", "row by row"]
         {
             assert!(text.contains(statement), "{encoding:?}: {statement}");
         }
