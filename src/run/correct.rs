@@ -69,9 +69,9 @@ fn topic(name: &str, channel: Option<&Channel>, schemas: &BTreeMap<u16, Schema>)
     Topic {
         name: name.to_owned(),
         schema_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
-        schema_encoding: schema.map(|schema| schema.encoding.clone()).unwrap_or_default().into(),
+        schema_encoding: schema.map(|schema| schema.encoding.clone()).unwrap_or_default(),
         schema: schema.map(|schema| schema.data.clone()).unwrap_or_default(),
-        message_encoding: channel.map(|channel| channel.message_encoding.clone()).unwrap_or_default().into(),
+        message_encoding: channel.map(|channel| channel.message_encoding.clone()).unwrap_or_default(),
         metadata: channel.map(|channel| channel.metadata.clone()).unwrap_or_default(),
     }
 }

@@ -407,8 +407,9 @@ impl Shell<'_> {
             if let Some(original) = recording.original_in_it(&inventory)? {
                 return self.annotate(&original, ending);
             }
-            // The batch run does not read everything, so that it may know of less damage.
-            if learned.damages > 0 {
+            // The batch run does not read everything, so that it may know of less damage; and what is corrected by the last
+            // calibration is written by it alone.
+            if learned.damages > 0 || self.config.output.corrected == annotate::Corrected::Final {
                 return self.annotate(&recording, ending);
             }
         }
