@@ -388,7 +388,8 @@ impl Scan {
             self.pass(frame);
             return Ok(());
         }
-        if matches!(bounds, Bounds::Lost(_)) && !self.horizon.extent().finished {
+        let is_lost = matches!(bounds, Bounds::Lost(_)) || frame.opcode == 0;
+        if is_lost && !self.horizon.extent().finished {
             // It may become a record yet, even one that belongs to the chunk before.
             return Err(Stop::Wait);
         }
