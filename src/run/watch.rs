@@ -250,12 +250,13 @@ impl Watcher<'_> {
         match result {
             Ok(tailed) => {
                 (self.tell)(&path, Verdict::Annotated(&tailed));
+                let _ = std::fs::remove_file(self.watching.quarantine(&path));
+                // Another recording may have taken the name since.
                 entry.state = match tailed.ending {
                     Ending::Replaced | Ending::Truncated => State::Waiting,
-                    Ending::Finished | Ending::Idle | Ending::Deleted => State::Annotated,
+                    Ending::Finished | Ending::Idle | Ending::Deleted => self.watching.state(&path, &now),
                 };
                 entry.stamp = now;
-                let _ = std::fs::remove_file(self.watching.quarantine(&path));
             }
             Err(Error::Stopped | Error::Paused) => entry.state = State::Waiting,
             Err(error) => {
