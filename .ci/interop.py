@@ -13,6 +13,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from mcap.decoder import DecoderFactory
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap.records import Channel, Message
@@ -71,6 +72,11 @@ def main(stillpoint):
     check_edited(stillpoint, data / "recordings/nilspod_six_face.ros2.mcap", out)
 
 
+class JsonDecoder(DecoderFactory):
+    def decoder_for(self, message_encoding, schema):
+        return json.loads if message_encoding == "json" else None
+
+
 def check_in_place(stillpoint, recording, annotated, path):
     path.write_bytes(recording.read_bytes())
     annotate(stillpoint, path, None, ["--in-place"], stem=recording.stem)
@@ -88,7 +94,7 @@ def check_corrected(stillpoint, recording, path):
     # Decoded by the schema of the source, a corrected message differs from it in its vectors alone.
     decoded = {}
     with open(path, "rb") as file:
-        factories = [RosDecoder(), Ros1Decoder(), ProtobufDecoder()]
+        factories = [RosDecoder(), Ros1Decoder(), ProtobufDecoder(), JsonDecoder()]
         for _, channel, message, value in make_reader(file, decoder_factories=factories).iter_decoded_messages(
             topics=[*topics, *(topic.removesuffix("/stillpoint/corrected") for topic in topics)]
         ):
@@ -109,6 +115,9 @@ def numbers(value):
     elif hasattr(value, "__slots__"):
         for name in value.__slots__:
             yield from numbers(getattr(value, name))
+    elif isinstance(value, dict):
+        for element in value.values():
+            yield from numbers(element)
     elif isinstance(value, (list, tuple)) or hasattr(value, "MergeFrom"):
         for element in value:
             yield from numbers(element)
