@@ -81,7 +81,7 @@ pub struct Against {
 
 #[derive(Debug, Args)]
 pub struct Annotate {
-    /// The recordings
+    /// The recordings: files, or rosbag2 folders, each of which is one
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
@@ -96,6 +96,9 @@ pub struct Annotate {
     /// Write the annotations alone, into a file that viewers show beside the recording
     #[arg(long)]
     pub sidecar: bool,
+    /// The inputs are the files of one recording: what is learned goes on from one to the next
+    #[arg(long)]
+    pub join: bool,
     /// Replace an output that exists
     #[arg(long)]
     pub force: bool,

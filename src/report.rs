@@ -15,7 +15,7 @@ mod parameters;
 mod plot;
 mod story;
 mod words;
-mod yaml;
+pub(crate) mod yaml;
 
 pub use drift::{Change, Drift, drift};
 pub use envelope::{Envelope, Range};

@@ -13,7 +13,7 @@ use rand_distr::StandardNormal;
 use stillpoint::config::{Config, Layer};
 use stillpoint::fit::accelerometer::{self, Assumptions, Observation};
 use stillpoint::fit::{Bounds, Calibration, Estimate, Estimator, Gravity, Loss, Shape, Truth};
-use stillpoint::run::{self, Recording};
+use stillpoint::run::{self, Input};
 
 const G: f64 = 9.80665;
 
@@ -74,7 +74,7 @@ fn placements(name: &str, settings: &[&str]) -> Option<Vec<Observation>> {
     let input = recording(name)?;
     let layers: Vec<_> = settings.iter().map(|setting| Layer::set(setting).unwrap()).collect();
     let config = Config::load(&layers).unwrap();
-    let opened = Recording::open(&input).unwrap();
+    let opened = Input::open(&input).unwrap();
     let report = run::calibrate(&opened, &config, &|_| Ok(())).unwrap();
     /// Sums over the samples of a placement, and its face.
     #[derive(Default)]

@@ -112,7 +112,7 @@ fn one_session_in_five_encodings_gives_the_same_rests_and_calibration() {
     for (name, lines) in [
         ("nilspod_six_face.ros2.mcap", ""),
         ("nilspod_six_face.ros1.mcap", ""),
-        ("nilspod_six_face.rosbag2/nilspod_six_face.rosbag2.mcap", ""),
+        ("nilspod_six_face.rosbag2", ""),
         (
             "nilspod_six_face.protobuf.mcap",
             "[[imu]]\ntopic = \"/sensors/imu\"\naccel = \"accel_mps2\"\ngyro = \"gyro_radps\"\n",

@@ -7,7 +7,7 @@ use common::Folder;
 use serde_json::{Value, json};
 use stillpoint::Error;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Options, Recording};
+use stillpoint::run::{self, Input, Options};
 use stillpoint::simulate::Scenario;
 
 #[test]
@@ -204,7 +204,7 @@ fn a_scenario_can_be_shown_edited_and_simulated() {
 #[test]
 fn work_that_is_stopped_leaves_nothing_behind() {
     let folder = Folder::with_demo();
-    let recording = Recording::open(&folder.path().join("demo.mcap")).unwrap();
+    let recording = Input::open(&folder.path().join("demo.mcap")).unwrap();
     let output = folder.path().join("out.mcap");
     for stopped_at in 0..2 {
         let calls = std::cell::Cell::new(0);
@@ -212,7 +212,8 @@ fn work_that_is_stopped_leaves_nothing_behind() {
             calls.set(calls.get() + 1);
             if calls.get() > stopped_at { Err(Error::Stopped) } else { Ok(()) }
         };
-        let done = run::annotate(&recording, &output, &Config::default(), Options::default(), &watch);
+        let done =
+            run::annotate(&recording, std::slice::from_ref(&output), &Config::default(), Options::default(), &watch);
         assert!(matches!(done, Err(Error::Stopped)));
         assert_eq!(folder.names(), ["demo.mcap"]);
     }

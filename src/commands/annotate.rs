@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
-use stillpoint::run::{self, Access, Form, Options, Recording, Report, Stop, Written};
+use stillpoint::run::{self, Access, Form, Input, Options, Report, Stop, Written};
 use stillpoint::{Error, imu::Verdict};
 use tracing::{info, warn};
 
@@ -16,24 +16,23 @@ use crate::cli;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
-    let outputs = outputs(args)?;
     let earlier = import::against(&args.against)?;
     let mut gravest = Code::Done;
-    for (input, output) in args.inputs.iter().zip(&outputs) {
-        let code = match one(input, output, args, &config, stop) {
+    for work in works(args)? {
+        let code = match work.run(args, &config, stop) {
             Ok((report, written)) => {
                 if json {
-                    print_json(&result(input, output, &report, earlier.as_deref()))?;
+                    print_json(&work.result(&report, earlier.as_deref()))?;
                 }
                 if args.inputs.len() > 1 {
-                    info!("{}", input.display());
+                    info!("{}", work.input().display());
                 }
-                say(output, &report, written, earlier.as_deref());
+                work.say(&report, written, earlier.as_deref());
                 code(&report, args.require_calibration, args.accept_damage)
             }
             Err(error) => {
                 if json {
-                    print_json(&json!({"input": input, "error": error.to_string()}))?;
+                    print_json(&json!({"input": work.input(), "error": error.to_string()}))?;
                 }
                 Code::of(&error)
             }
@@ -46,6 +45,24 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     Ok(gravest)
 }
 
+/// One recording, and where its result goes.
+struct Work<'a> {
+    /// One, or the files that are one recording.
+    inputs: &'a [PathBuf],
+    outputs: Vec<PathBuf>,
+}
+
+/// What is to be done, recording by recording.
+fn works(args: &cli::Annotate) -> Result<Vec<Work<'_>>, Error> {
+    let outputs = outputs(args)?;
+    if args.join {
+        let outputs = if args.sidecar { outputs.into_iter().take(1).collect() } else { outputs };
+        return Ok(vec![Work { inputs: &args.inputs, outputs }]);
+    }
+    let inputs = args.inputs.chunks(1);
+    Ok(inputs.zip(outputs).map(|(inputs, output)| Work { inputs, outputs: vec![output] }).collect())
+}
+
 /// Where the result of each input goes.
 fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
     if args.in_place {
@@ -54,14 +71,15 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
     if let Some(output) = &args.output {
         return match args.inputs.as_slice() {
             [_] => Ok(vec![output.clone()]),
+            _ if args.join && args.sidecar => Ok(vec![output.clone()]),
             _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
         };
     }
     let mut taken = BTreeMap::new();
     let mut outputs = Vec::new();
     for input in &args.inputs {
-        let output = default_output(input, args.out_dir.as_deref(), args.sidecar);
-        if let Some(other) = taken.insert(output.clone(), input) {
+        let output = default_output(input, input.is_dir(), args.out_dir.as_deref(), args.sidecar);
+        if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
             let (other, input, output) = (other.display(), input.display(), output.display());
             return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
         }
@@ -70,32 +88,69 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
     Ok(outputs)
 }
 
-/// Annotating what was annotated before replaces the annotations, so that its name stays.
-pub fn default_output(input: &Path, folder: Option<&Path>, sidecar: bool) -> PathBuf {
-    let stem = input.file_stem().unwrap_or_default().to_string_lossy();
+/// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
+pub fn default_output(input: &Path, is_folder: bool, folder: Option<&Path>, sidecar: bool) -> PathBuf {
+    let whole = if is_folder { input.canonicalize().unwrap_or_default() } else { input.to_owned() };
+    let stem = if is_folder { whole.file_name() } else { whole.file_stem() };
+    let stem = stem.unwrap_or_default().to_string_lossy();
     let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
-    let name = format!("{stem}.{}.mcap", if sidecar { "stillpoint" } else { "annotated" });
-    folder.map_or_else(|| input.with_file_name(&name), |folder| folder.join(&name))
+    let name = match (sidecar, is_folder) {
+        (true, _) => format!("{stem}.stillpoint.mcap"),
+        (false, true) => format!("{stem}.annotated"),
+        (false, false) => format!("{stem}.annotated.mcap"),
+    };
+    // A folder may be named by where one stands in it.
+    let beside = if input.file_name().is_some() { input } else { &whole };
+    folder.map_or_else(|| beside.with_file_name(&name), |folder| folder.join(&name))
 }
 
-fn one(
-    input: &Path,
-    output: &Path,
-    args: &cli::Annotate,
-    config: &Config,
-    stop: &Stop,
-) -> Result<(Report, Written), Error> {
-    let access = if args.in_place { Access::Change } else { Access::Read };
-    let recording = Recording::open_original(input, access)?;
-    let progress = Progress::new(&recording, stop);
-    let form = match (args.in_place, args.sidecar) {
-        (true, _) => Form::InPlace,
-        (_, true) => Form::Sidecar,
-        _ => Form::Annotated,
-    };
-    let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
-    let options = Options { form, force, allow_no_imu, verify, sync };
-    run::annotate(&recording, output, config, options, &|done| progress.watch(done))
+impl Work<'_> {
+    fn run(&self, args: &cli::Annotate, config: &Config, stop: &Stop) -> Result<(Report, Written), Error> {
+        let access = if args.in_place { Access::Change } else { Access::Read };
+        let mut outputs = self.outputs.clone();
+        let input = match self.inputs {
+            [one] => Input::open_original(one, access)?,
+            several => {
+                let input = Input::join(several, access)?;
+                // The outputs in the order of the files, which is that of their times.
+                let place = |file: &Path| several.iter().position(|given| given == file);
+                if outputs.len() == several.len() {
+                    outputs = input.files().filter_map(place).filter_map(|i| outputs.get(i).cloned()).collect();
+                }
+                input
+            }
+        };
+        let progress = Progress::new(&input, stop);
+        let form = match (args.in_place, args.sidecar) {
+            (true, _) => Form::InPlace,
+            (_, true) => Form::Sidecar,
+            _ => Form::Annotated,
+        };
+        let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
+        let options = Options { form, force, allow_no_imu, verify, sync };
+        run::annotate(&input, &outputs, config, options, &|done| progress.watch(done))
+    }
+
+    fn input(&self) -> &Path {
+        self.inputs.first().map_or(Path::new(""), PathBuf::as_path)
+    }
+
+    fn output(&self) -> &Path {
+        self.outputs.first().map_or(Path::new(""), PathBuf::as_path)
+    }
+
+    fn result(&self, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
+        let mut result = result(self.input(), self.output(), report, earlier);
+        if self.inputs.len() > 1 {
+            result["inputs"] = json!(self.inputs);
+            result["outputs"] = json!(self.outputs);
+        }
+        result
+    }
+
+    fn say(&self, report: &Report, written: Written, earlier: Option<&[Findings]>) {
+        say(&self.outputs, report, written, earlier);
+    }
 }
 
 /// The exit code of a recording that was done.
@@ -129,7 +184,7 @@ pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Fi
     result
 }
 
-pub fn say(output: &Path, report: &Report, written: Written, earlier: Option<&[Findings]>) {
+pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Option<&[Findings]>) {
     for (reason, topics) in skipped(report) {
         warn!("{}: {reason}", topics.join(", "));
     }
@@ -139,9 +194,11 @@ pub fn say(output: &Path, report: &Report, written: Written, earlier: Option<&[F
         warn!("{} damages in all", report.damages);
     }
     report.imus.iter().for_each(|imu| info!("{}", summary::imu(imu, earlier)));
-    match written {
-        Written::Now => info!("wrote {}", output.display()),
-        Written::Before => info!("{} is already the result of this: nothing to do", output.display()),
+    for output in outputs {
+        match written {
+            Written::Now => info!("wrote {}", output.display()),
+            Written::Before => info!("{} is already the result of this: nothing to do", output.display()),
+        }
     }
 }
 
@@ -163,7 +220,7 @@ mod tests {
     #[test]
     fn default_names_stand_beside_the_input_or_in_the_folder() {
         let name = |input: &str, folder: Option<&str>, sidecar| {
-            default_output(Path::new(input), folder.map(Path::new), sidecar).display().to_string()
+            default_output(Path::new(input), false, folder.map(Path::new), sidecar).display().to_string()
         };
         assert_eq!(name("a/x.mcap", None, false), "a/x.annotated.mcap");
         assert_eq!(name("a/x.mcap", Some("b"), true), "b/x.stillpoint.mcap");

@@ -5,7 +5,7 @@ use stillpoint::Error;
 use stillpoint::config::Config;
 use stillpoint::imu::{Sensor, Verdict};
 use stillpoint::report::{self, LayoutImu};
-use stillpoint::run::{self, Recording, Stop};
+use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::{Code, check_free, configuration, layer, print, print_json, write};
@@ -30,7 +30,7 @@ pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {
 fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
     let config = configuration(&args.configuration)?;
     check_free(args.output.as_deref(), args.force)?;
-    let recording = Recording::open(&args.input)?;
+    let recording = Input::open(&args.input)?;
     let channels = {
         let progress = Progress::new(&recording, stop);
         run::channels(&recording, &config, &|done| progress.watch(done))?

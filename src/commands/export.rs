@@ -2,7 +2,7 @@
 
 use stillpoint::Error;
 use stillpoint::report::{self, Format, Options, Parameters, Readings};
-use stillpoint::run::{self, Recording, Stop};
+use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::{Code, axes, check_free, configuration, text_of, write};
@@ -12,7 +12,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let options = options(args)?;
     check_free(args.output.as_deref(), args.force)?;
-    let recording = Recording::open(&args.input)?;
+    let recording = Input::open(&args.input)?;
     let findings = {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?

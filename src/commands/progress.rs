@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use stillpoint::Error;
-use stillpoint::run::{Recording, Stop};
+use stillpoint::run::{Input, Stop};
 
 /// Shows how far a recording has been read, and asks whether to go on.
 pub struct Progress<'a> {
@@ -14,7 +14,7 @@ pub struct Progress<'a> {
 
 impl<'a> Progress<'a> {
     /// A bar for a recording; nothing where standard error is no terminal or is to be quiet.
-    pub fn new(recording: &Recording, stop: &'a Stop) -> Self {
+    pub fn new(recording: &Input, stop: &'a Stop) -> Self {
         let target = match tracing::enabled!(tracing::Level::INFO) {
             true => ProgressDrawTarget::stderr(),
             false => ProgressDrawTarget::hidden(),

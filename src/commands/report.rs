@@ -4,7 +4,7 @@ use console::style;
 use serde_json::{Value, json};
 use stillpoint::Error;
 use stillpoint::report::{self, Findings, Page, Story};
-use stillpoint::run::{self, Recording, Stop};
+use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::table::Table;
@@ -16,7 +16,7 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
     let earlier = import::against(&args.against)?;
     let earlier = earlier.as_deref();
     check_free(args.output.as_deref(), args.force)?;
-    let recording = Recording::open(&args.input)?;
+    let recording = Input::open(&args.input)?;
     let stories = {
         let progress = Progress::new(&recording, stop);
         run::stories(&recording, &config, &|done| progress.watch(done))?

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use stillpoint::Error;
-use stillpoint::run::{self, Recording, Stop};
+use stillpoint::run::{self, Input, Stop};
 use tracing::info;
 
 use super::progress::Progress;
@@ -10,7 +10,7 @@ use super::{Code, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {
-    let recording = Recording::open_annotated(&args.input)?;
+    let recording = Input::open_annotated(&args.input)?;
     let written = {
         let progress = Progress::new(&recording, stop);
         run::strip(&recording, &args.output, args.force, args.sync, &|done| progress.watch(done))?

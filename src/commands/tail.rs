@@ -15,7 +15,7 @@ const IDLE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
-    let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, None, false));
+    let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, false, None, false));
     let following = Following {
         poll: args.poll,
         idle: args.idle_timeout.unwrap_or(IDLE),
@@ -41,7 +41,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         result["event"] = "result".into();
         print_json(&result)?;
     }
-    say(&tailed.output, &tailed.report, tailed.written, None);
+    say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, None);
     Ok(match tailed.written {
         Written::Before => Code::Done,
         Written::Now => code(&tailed.report, args.require_calibration, args.accept_damage),

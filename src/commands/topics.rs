@@ -4,7 +4,7 @@ use console::style;
 use serde_json::{Value, json};
 use stillpoint::Error;
 use stillpoint::imu::{ImuConfig, Verdict};
-use stillpoint::run::{self, Access, Channels, Recording, Stop, Use};
+use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
 
 use super::progress::Progress;
 use super::table::Table;
@@ -13,7 +13,7 @@ use crate::cli;
 
 pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
-    let recording = Recording::open_original(&args.input, Access::Read)?;
+    let recording = Input::open_original(&args.input, Access::Read)?;
     let channels = {
         let progress = Progress::new(&recording, stop);
         run::channels(&recording, &config, &|done| progress.watch(done))?

@@ -3,21 +3,24 @@
 //! What is learned and how it is encoded is left to the layers beneath; what is said about it to the commands.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use super::bag::Contents;
 use super::correct::SecondReading;
+use super::input::Input;
 use super::learn::{Learned, Learner, not_corrected, uncorrected};
 use super::output::{Output, Written};
 use super::recording::{Listener, Recording, Watch};
 use super::spill::Spill;
+use super::target::Target;
 use crate::Error;
-use crate::annotate::{Corrected, Corrections};
+use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::imu::Verdict;
-use crate::record::{Block, Channel, Damage, Event, Fold, Inventory, Piece, Sidecar, Tail};
+use crate::record::{Block, Channel, Damage, Event, Fold, Inventory, Piece, Sidecar, Tail, Topic};
 use crate::report::Findings;
 
 /// How to annotate.
@@ -65,51 +68,79 @@ pub struct Report {
     pub messages: u64,
 }
 
-/// Annotates a recording into `output`; in place, that is its own path.
+/// Annotates a recording into `outputs`: one path, or for several files that are one recording a path for each, unless
+/// the annotations are written alone. In place, the paths do not matter.
+///
+/// Each split is annotated with what was learned while it was read; what is open at the end goes into the last one.
 ///
 /// # Errors
 ///
 /// If the recording cannot be read, has no usable IMU topic, or the output cannot be written; nothing is left behind.
 pub fn annotate(
-    recording: &Recording,
-    output: &Path,
+    input: &Input,
+    outputs: &[PathBuf],
     config: &Config,
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    let (path, settings) = (output, settings(config));
-    let mut output = match options.form {
-        Form::InPlace => Output::itself(recording)?,
-        Form::Annotated | Form::Sidecar => Output::open(path, options.force)?,
-    };
-    let abandon = AtomicBool::new(false);
-    let mut kept = Kept::beside(path);
-    let (inventory, learned) = thread::scope(|scope| {
-        let copying = (options.form == Form::Annotated).then(|| scope.spawn(|| output.copy_ahead(recording, &abandon)));
-        let learned = learn(recording, config, options, Some(&mut kept), watch);
-        abandon.store(learned.is_err(), Ordering::Relaxed);
-        let copied =
-            copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        let learned = learned?;
-        copied.map(|()| learned)
-    })?;
-    if let Some(original) = recording.original_within(&inventory)? {
-        drop(output);
-        return annotate(&original, path, config, options, watch);
-    }
-    let mut learned = learned;
-    if config.output.corrected == Corrected::Final {
-        correct_all(recording, config, &mut learned, &mut kept, watch)?;
-    }
-    let report = Report::new(&inventory, &learned);
-    let result = match options.form {
-        Form::Sidecar => write_sidecar(&mut output, recording, &inventory, &settings, &learned, kept),
-        Form::Annotated | Form::InPlace => {
-            write_annotated(&mut output, recording, inventory, &settings, &learned, kept, watch)
+    let settings = settings(config);
+    let alone = options.form == Form::Sidecar;
+    let twice = config.output.corrected == Corrected::Final;
+    let mut target = Target::open(input, outputs, options)?;
+    let mut sidecar = if alone { Some(target.next(0)?) } else { None };
+    let mut kept = Kept::beside(target.beside());
+    let mut lesson = Lesson::new(input, config, options);
+    let mut profile = None;
+    // Splits that what is learned of later ones is to be written into.
+    let mut drafts = Vec::new();
+    for (index, split) in input.splits.iter().enumerate() {
+        let done = lesson.done;
+        let here = |at| watch(done + at);
+        let output = if alone { None } else { Some(target.next(index)?) };
+        let abandon = AtomicBool::new(false);
+        let inventory = thread::scope(|scope| {
+            let copying = output.as_ref().map(|output| scope.spawn(|| output.copy_ahead(split, &abandon)));
+            let inventory = lesson.read(index, split, Some(&mut kept), &here);
+            abandon.store(inventory.is_err(), Ordering::Relaxed);
+            let copied =
+                copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            let inventory = inventory?;
+            copied.map(|()| inventory)
+        })?;
+        if let Some(original) = split.original_within(&inventory)? {
+            drop((output, drafts, sidecar, target));
+            return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
         }
-    };
-    result?;
-    Ok((report, output.finish(recording, options.sync)?))
+        profile.get_or_insert_with(|| inventory.profile().to_owned());
+        if let Some(output) = output {
+            let kept = std::mem::replace(&mut kept, Kept::beside(target.beside()));
+            let draft = Draft { output, split, inventory, kept };
+            match twice {
+                true => drafts.push(draft),
+                false => target.put(draft.write(&settings, lesson.learner.topics(), &here)?, split)?,
+            }
+        }
+    }
+    let Lesson { learner, mut contents, messages, .. } = lesson;
+    let mut learned = learner.finish(&mut |_| {});
+    if twice {
+        let keep =
+            |split: usize, block: &Block| drafts.get_mut(split).map_or(&mut kept, |draft| &mut draft.kept).block(block);
+        correct_all(input, config, &mut learned, &mut contents, keep, watch)?;
+    }
+    let mut done = 0;
+    for draft in drafts {
+        let split = draft.split;
+        target.put(draft.write(&settings, learned.annotator.topics(), &|at| watch(done + at))?, split)?;
+        done += split.length();
+    }
+    if let (Some(mut output), Some(split)) = (sidecar.take(), input.splits.last()) {
+        let profile = profile.unwrap_or_default();
+        write_sidecar(&mut output, split, &profile, &settings, learned.annotator.topics(), kept)?;
+        target.put(output, split)?;
+    }
+    let written = target.finish(&contents, learned.annotator.topics())?;
+    Ok((Report::new(learned, messages), written))
 }
 
 /// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself.
@@ -133,8 +164,16 @@ pub(super) fn fold(
         copying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     })?;
     watch(0)?;
-    write_annotated(&mut output, recording, inventory.clone(), &settings(config), learned, kept, watch)?;
-    Ok((Report::new(inventory, learned), output.finish(recording, options.sync)?))
+    write_annotated(
+        &mut output,
+        recording,
+        inventory.clone(),
+        &settings(config),
+        learned.annotator.topics(),
+        kept,
+        watch,
+    )?;
+    Ok((Report::of(inventory, learned), output.finish(recording, options.sync)?))
 }
 
 /// Learns from a recording, and writes nothing.
@@ -142,12 +181,16 @@ pub(super) fn fold(
 /// # Errors
 ///
 /// If the recording cannot be read or has no usable IMU topic.
-pub fn calibrate(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
-    let (inventory, learned) = learn(recording, config, Options::default(), None, watch)?;
-    if let Some(original) = recording.original_within(&inventory)? {
-        return calibrate(&original, config, watch);
+pub fn calibrate(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
+    let mut lesson = Lesson::new(input, config, Options::default());
+    for (index, split) in input.splits.iter().enumerate() {
+        let done = lesson.done;
+        let inventory = lesson.read(index, split, None, &|at| watch(done + at))?;
+        if let Some(original) = split.original_within(&inventory)? {
+            return calibrate(&input.with_split(index, original)?, config, watch);
+        }
     }
-    Ok(Report::new(&inventory, &learned))
+    Ok(Report::new(lesson.learner.finish(&mut |_| {}), lesson.messages))
 }
 
 /// What determines the bytes of the annotations.
@@ -186,23 +229,31 @@ fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
     Ok(blocks.next_item()?.and_then(|bytes| Block::read(&bytes)))
 }
 
-/// Hears a recording.
-struct Listening<'k> {
-    learner: Learner,
+/// Hears a split.
+struct Listening<'l, 'k> {
+    learner: &'l mut Learner,
     kept: Option<&'k mut Kept>,
+    /// What there is of annotations.
+    contents: Contents,
     verify: bool,
 }
 
-impl Listener for Listening<'_> {
+impl Listening<'_, '_> {
+    /// Keeps what has been learned.
+    fn keep(&mut self) -> Result<(), Error> {
+        let Self { learner, kept, contents, .. } = self;
+        let blocks: Vec<_> = learner.take_blocks().collect();
+        blocks.iter().try_for_each(|block| {
+            contents.count(learner.topics(), block);
+            kept.as_mut().map_or(Ok(()), |kept| kept.block(block))
+        })
+    }
+}
+
+impl Listener for Listening<'_, '_> {
     fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
         self.learner.take(event, &mut |_| {});
-        match &mut self.kept {
-            Some(kept) => self.learner.take_blocks().try_for_each(|block| kept.block(&block)),
-            None => {
-                self.learner.take_blocks().for_each(drop);
-                Ok(())
-            }
-        }
+        self.keep()
     }
 
     fn indexes(&mut self, bytes: &[u8]) -> Result<(), Error> {
@@ -214,33 +265,69 @@ impl Listener for Listening<'_> {
     }
 }
 
-/// Learns from a recording; what is to be written is kept where there is a place for it.
-fn learn(
-    recording: &Recording,
-    config: &Config,
+/// What is learned of a recording while its splits are read.
+struct Lesson<'a> {
+    input: &'a Input,
+    learner: Learner,
     options: Options,
-    kept: Option<&mut Kept>,
-    watch: Watch<'_>,
-) -> Result<(Inventory, Learned), Error> {
-    let mut listening = Listening { learner: Learner::new(config), kept, verify: options.verify };
-    let inventory = recording.scan(watch, &mut listening)?;
-    let Listening { learner, mut kept, .. } = listening;
-    let mut learned = learner.finish(&mut |_| {});
-    if let Some(kept) = &mut kept {
-        learned.blocks.drain(..).try_for_each(|block| kept.block(&block))?;
-    }
-    if learned.imus.is_empty() && !options.allow_no_imu {
-        return Err(no_imu(recording.path(), &inventory, &learned.channels));
-    }
-    Ok((inventory, learned))
+    /// Bytes of the splits that have been read.
+    done: u64,
+    /// Messages in the recording.
+    messages: u64,
+    /// Of the splits with their annotations.
+    contents: Vec<Contents>,
 }
 
-/// Reads the recording again, and corrects its messages by the last calibrations.
+impl<'a> Lesson<'a> {
+    fn new(input: &'a Input, config: &Config, options: Options) -> Self {
+        let learner = Learner::new(config);
+        Self { input, learner, options, done: 0, messages: 0, contents: Vec::new() }
+    }
+
+    /// Learns from the next split; what is to be written is kept where there is a place for it.
+    fn read(
+        &mut self,
+        index: usize,
+        split: &Recording,
+        kept: Option<&mut Kept>,
+        watch: Watch<'_>,
+    ) -> Result<Inventory, Error> {
+        let Self { input, learner, .. } = self;
+        learner.begin_split(input.split_names().nth(index), index == 0);
+        let contents = Contents::default();
+        let mut listening = Listening { learner, kept, contents, verify: self.options.verify };
+        let inventory = split.scan(watch, &mut listening)?;
+        let is_last = index + 1 == input.splits.len();
+        if is_last {
+            listening.learner.close(&mut |_| {});
+        } else {
+            listening.learner.end_split();
+        }
+        listening.keep()?;
+        let Listening { learner, mut contents, .. } = listening;
+        if is_last && !self.options.allow_no_imu && !learner.has_imu() {
+            return Err(no_imu(input.path(), learner.channels()));
+        }
+
+        contents.span = inventory.span();
+        for (&id, channel) in inventory.channels() {
+            *contents.counts.entry(channel.topic.clone()).or_default() += inventory.messages(id);
+            self.messages += inventory.messages(id);
+        }
+        self.contents.push(contents);
+        self.done += split.length();
+        Ok(inventory)
+    }
+}
+
+/// Reads the recording again, and corrects its messages by the last calibrations; what is to be written, and into which
+/// split, is told to `keep`.
 fn correct_all(
-    recording: &Recording,
+    input: &Input,
     config: &Config,
     learned: &mut Learned,
-    kept: &mut Kept,
+    contents: &mut [Contents],
+    mut keep: impl FnMut(usize, &Block) -> Result<(), Error>,
     watch: Watch<'_>,
 ) -> Result<(), Error> {
     let of = |imu: &Findings| imu.calibration.as_ref().map(Corrections::of);
@@ -251,13 +338,36 @@ fn correct_all(
     if corrections.iter().all(Option::is_none) {
         return Ok(());
     }
-    let keep = |block: &Block| kept.block(block);
-    let mut again = SecondReading::new(config, &mut learned.annotator, corrections, keep);
-    recording.scan(watch, &mut again)?;
-    let corrector = again.finish()?;
+    let mut again = SecondReading::new(config, &mut learned.annotator, corrections);
+    let mut done = 0;
+    for (index, (split, contents)) in input.splits.iter().zip(contents).enumerate() {
+        let keep = |annotator: &Annotator, block: Block| {
+            contents.count(annotator.topics(), &block);
+            keep(index, &block)
+        };
+        again.read(split, keep, &|at| watch(done + at))?;
+        done += split.length();
+    }
+    let corrector = again.finish();
     let stuck = learned.imus.iter().filter(|imu| imu.calibration.is_some() && !corrector.has_written(&imu.name));
     learned.notes.extend(stuck.map(not_corrected));
     Ok(())
+}
+
+/// A split that has been read, and what is to be written behind it.
+struct Draft<'a> {
+    output: Output,
+    split: &'a Recording,
+    inventory: Inventory,
+    kept: Kept,
+}
+
+impl Draft<'_> {
+    fn write(self, settings: &BTreeMap<String, String>, topics: &[Topic], watch: Watch<'_>) -> Result<Output, Error> {
+        let Self { mut output, split, inventory, kept } = self;
+        write_annotated(&mut output, split, inventory, settings, topics, kept, watch)?;
+        Ok(output)
+    }
 }
 
 fn write_annotated(
@@ -265,13 +375,13 @@ fn write_annotated(
     recording: &Recording,
     inventory: Inventory,
     settings: &BTreeMap<String, String>,
-    learned: &Learned,
+    topics: &[Topic],
     mut kept: Kept,
     watch: Watch<'_>,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
     let tail = tail(recording, inventory.prefix(), watch)?;
-    let (mut fold, pieces) = Fold::open(inventory, tail, settings, learned.annotator.topics()).map_err(refused)?;
+    let (mut fold, pieces) = Fold::open(inventory, tail, settings, topics).map_err(refused)?;
     for piece in pieces {
         match piece {
             Piece::Original(range) if range.start == 0 => output.keep(range, recording)?,
@@ -281,7 +391,7 @@ fn write_annotated(
     kept.blocks.rewind()?;
     while let Some(block) = next_block(&mut kept.blocks)? {
         watch(recording.length())?;
-        output.put(&fold.block(learned.annotator.topics(), &block).map_err(refused)?, recording)?;
+        output.put(&fold.block(topics, &block).map_err(refused)?, recording)?;
         kept.indexes.push(&fold.take_indexes())?;
     }
     output.close(fold.close(), kept.indexes, recording)
@@ -290,19 +400,19 @@ fn write_annotated(
 fn write_sidecar(
     output: &mut Output,
     recording: &Recording,
-    inventory: &Inventory,
+    profile: &str,
     settings: &BTreeMap<String, String>,
-    learned: &Learned,
+    topics: &[Topic],
     mut kept: Kept,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
-    let (mut sidecar, head) = Sidecar::open(inventory.profile(), settings);
+    let (mut sidecar, head) = Sidecar::open(profile, settings);
     output.put(&Piece::Bytes(head), recording)?;
     kept.blocks.rewind()?;
     // Those of the recording are of no use here.
     let mut indexes = Spill::beside(recording.path());
     while let Some(block) = next_block(&mut kept.blocks)? {
-        let bytes = sidecar.block(learned.annotator.topics(), &block).map_err(refused)?;
+        let bytes = sidecar.block(topics, &block).map_err(refused)?;
         output.put(&Piece::Bytes(bytes), recording)?;
         indexes.push(&sidecar.take_indexes())?;
     }
@@ -318,30 +428,39 @@ fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Er
 }
 
 impl Report {
-    pub(super) fn new(inventory: &Inventory, learned: &Learned) -> Self {
+    fn new(learned: Learned, messages: u64) -> Self {
+        let Learned { imus, channels, notes, damage, damages, .. } = learned;
+        Self { imus, channels, notes, damage, damages, messages }
+    }
+
+    /// Of a recording that is one file.
+    pub(super) fn of(inventory: &Inventory, learned: &Learned) -> Self {
+        let messages = inventory.channels().keys().map(|&id| inventory.messages(id)).sum();
         Self {
             imus: learned.imus.clone(),
             channels: learned.channels.clone(),
             notes: learned.notes.clone(),
             damage: learned.damage.clone(),
             damages: learned.damages,
-            messages: inventory.channels().keys().map(|&id| inventory.messages(id)).sum(),
+            messages,
         }
     }
 }
 
 /// The topics there are, why they are not used, and how to map one.
-pub(super) fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, Verdict)]) -> Error {
+pub(super) fn no_imu<'a>(
+    path: &Path,
+    channels: impl Iterator<Item = (&'a Channel, &'a Verdict, &'a str)> + Clone,
+) -> Error {
     const LISTED: usize = 8;
-    let topic = |(channel, verdict): &(Channel, Verdict)| {
-        let schema = inventory.schemas().get(&channel.schema_id);
-        let kind = schema.map_or(&*channel.message_encoding, |schema| &*schema.name);
+    let topic = |(channel, verdict, kind): (&Channel, &Verdict, &'a str)| {
+        let kind = if kind.is_empty() { &channel.message_encoding } else { kind };
         match verdict {
             Verdict::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
             _ => format!("{} ({kind})", channel.topic),
         }
     };
-    let mut topics: Vec<_> = channels.iter().map(topic).collect();
+    let mut topics: Vec<_> = channels.clone().map(topic).collect();
     topics.sort();
     let further = topics.len().saturating_sub(LISTED);
     topics.truncate(LISTED);
@@ -350,7 +469,7 @@ pub(super) fn no_imu(path: &Path, inventory: &Inventory, channels: &[(Channel, V
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
-    let advice = match super::channels::suggested(channels.iter().map(|(_, verdict)| verdict)) {
+    let advice = match super::channels::suggested(channels.map(|(_, verdict, _)| verdict)) {
         Some(imu) => format!("add --set '{}', which looks right by its names", imu.setting()),
         None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
     };

@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use super::glance::Glance;
+use super::input::Input;
 use super::recording::{Recording, Watch};
 use crate::Error;
 use crate::config::Config;
@@ -11,7 +12,7 @@ use crate::imu::{AccelUnit, ImuConfig, Intake, Looks, Peek, Reading, Relation, S
 use crate::record::{Channel, Event, Schema};
 
 /// The channels of a recording.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Channels {
     /// By topic.
     pub channels: Vec<Use>,
@@ -39,6 +40,20 @@ pub struct Use {
 }
 
 impl Channels {
+    /// Those of the next file of the same recording, too.
+    fn and(mut self, next: Self) -> Self {
+        for used in next.channels {
+            let same = |known: &&mut Use| known.channel.topic == used.channel.topic && known.schema == used.schema;
+            match self.channels.iter_mut().find(same) {
+                Some(known) => known.messages += used.messages,
+                None => self.channels.push(used),
+            }
+        }
+        self.channels.sort_by(|a, b| (&a.channel.topic, a.channel.id).cmp(&(&b.channel.topic, b.channel.id)));
+        self.notes.retain(|note| next.notes.contains(note));
+        self
+    }
+
     /// Messages a second on a channel; `None` where there are too few to tell.
     pub fn rate(&self, of: &Use) -> Option<f64> {
         (of.messages > 1 && self.seconds > 0.0).then(|| (of.messages - 1) as f64 / self.seconds)
@@ -71,12 +86,40 @@ const HEAD: u64 = 32 << 20;
 /// # Errors
 ///
 /// If it cannot be read.
-pub fn channels(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Channels, Error> {
-    look_through(recording, config, watch, WHOLE)
+pub fn channels(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Channels, Error> {
+    let mut all: Option<(Channels, Span)> = None;
+    let mut done = 0;
+    for split in &input.splits {
+        let (channels, span) = look_through(split, config, &|at| watch(done + at), WHOLE)?;
+        all = Some(match all {
+            None => (channels, span),
+            Some((before, earlier)) => (before.and(channels), earlier.into_iter().chain(span).reduce(cover)),
+        });
+        done += split.length();
+    }
+    let (mut channels, span) = all.unwrap_or_default();
+    channels.seconds = seconds(span);
+    Ok(channels)
 }
 
-/// Reads all of a recording of at most `whole` bytes, or of one that does not say at its end what is in it.
-fn look_through(recording: &Recording, config: &Config, watch: Watch<'_>, whole: u64) -> Result<Channels, Error> {
+/// First and last log time, in nanoseconds.
+type Span = Option<(u64, u64)>;
+
+fn seconds(span: Span) -> f64 {
+    span.map_or(0.0, |(from, until)| (until - from) as f64 * 1e-9)
+}
+
+fn cover((from, until): (u64, u64), (start, end): (u64, u64)) -> (u64, u64) {
+    (from.min(start), until.max(end))
+}
+
+/// Reads all of a file of at most `whole` bytes, or of one that does not say at its end what is in it.
+fn look_through(
+    recording: &Recording,
+    config: &Config,
+    watch: Watch<'_>,
+    whole: u64,
+) -> Result<(Channels, Span), Error> {
     let mut look = Look::new(config);
     let glance = if recording.length() > whole { Glance::at(recording)? } else { None };
     let (counts, span) = match glance {
@@ -100,8 +143,8 @@ fn look_through(recording: &Recording, config: &Config, watch: Watch<'_>, whole:
     };
     let mut channels = look.uses(&counts);
     peek(recording, config, watch, &mut channels)?;
-    let seconds = span.map_or(0.0, |(from, until)| (until - from) as f64 * 1e-9);
-    Ok(Channels { channels, notes: super::learn::missing(&look.intake), seconds })
+    let notes = super::learn::missing(&look.intake);
+    Ok((Channels { channels, notes, seconds: seconds(span) }, span))
 }
 
 /// Reads a recording from its start until `each` has seen enough, but not far.
@@ -318,7 +361,7 @@ mod tests {
         std::fs::write(&path, &bytes).unwrap();
         let looked = |whole| {
             let recording = Recording::open_original(&path, Access::Read).unwrap();
-            look_through(&recording, &Config::default(), &|_| Ok(()), whole).unwrap()
+            look_through(&recording, &Config::default(), &|_| Ok(()), whole).unwrap().0
         };
         let (end, all) = (looked(0), looked(u64::MAX));
         assert_eq!(format!("{end:?}"), format!("{all:?}"));

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::recording::Listener;
+use super::recording::{Listener, Recording, Watch};
+use super::roster::Roster;
 use crate::Error;
 use crate::annotate::{Annotator, Corrections};
 use crate::config::Config;
@@ -15,24 +16,24 @@ use crate::record::{Block, Channel, Event, Message, Schema, Topic};
 /// Writes corrected messages.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Corrector {
-    schemas: BTreeMap<u16, Schema>,
-    channels: BTreeMap<u16, Channel>,
+    /// Topics of corrected messages by the channel they come from: as that, but for the name.
+    topics: BTreeMap<u16, Topic>,
     /// Of what there is a corrected message.
     written: BTreeSet<String>,
 }
 
 impl Corrector {
-    pub(super) fn schema(&mut self, schema: &Schema) {
-        self.schemas.insert(schema.id, schema.clone());
-    }
-
-    pub(super) fn channel(&mut self, channel: &Channel) {
-        self.channels.insert(channel.id, channel.clone());
-    }
-
-    /// Whether a channel has been met.
-    pub(super) fn knows(&self, channel: u16) -> bool {
-        self.channels.contains_key(&channel)
+    /// A channel, with its id in the recording.
+    pub(super) fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) {
+        let topic = Topic {
+            name: String::new(),
+            schema_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
+            schema_encoding: schema.map(|schema| schema.encoding.clone()).unwrap_or_default(),
+            schema: schema.map(|schema| schema.data.clone()).unwrap_or_default(),
+            message_encoding: channel.message_encoding.clone(),
+            metadata: channel.metadata.clone(),
+        };
+        self.topics.insert(channel.id, topic);
     }
 
     /// Whether there is a corrected message of an IMU of that name.
@@ -49,12 +50,12 @@ impl Corrector {
         annotator: &mut Annotator,
         blocks: &mut Vec<Block>,
     ) {
+        let Some(like) = self.topics.get(&message.channel) else { return };
         let corrected =
             intake.rewrite(message.channel, message.data, |imu, sensor, value| by(imu)?.correct(sensor, value));
         for (source, data) in corrected {
             let name = format!("{source}/stillpoint/corrected");
-            let (schemas, channels) = (&self.schemas, &self.channels);
-            let topic = || topic(&name, channels.get(&message.channel), schemas);
+            let topic = || Topic { name: name.clone(), ..like.clone() };
             blocks.extend(annotator.push_message(&name, topic, message.log_time, data));
             if !self.written.contains(source) {
                 self.written.insert(source.to_owned());
@@ -63,70 +64,98 @@ impl Corrector {
     }
 }
 
-/// The topic of corrected messages: as the channel they come from, but for its name.
-fn topic(name: &str, channel: Option<&Channel>, schemas: &BTreeMap<u16, Schema>) -> Topic {
-    let schema = channel.and_then(|channel| schemas.get(&channel.schema_id));
-    Topic {
-        name: name.to_owned(),
-        schema_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
-        schema_encoding: schema.map(|schema| schema.encoding.clone()).unwrap_or_default(),
-        schema: schema.map(|schema| schema.data.clone()).unwrap_or_default(),
-        message_encoding: channel.map(|channel| channel.message_encoding.clone()).unwrap_or_default(),
-        metadata: channel.map(|channel| channel.metadata.clone()).unwrap_or_default(),
-    }
-}
-
-/// Hears a recording again, now that its last calibration is known.
-pub(super) struct SecondReading<'a, K> {
-    pub(super) intake: Intake,
-    pub(super) corrector: Corrector,
-    pub(super) annotator: &'a mut Annotator,
+/// Reads a recording again, now that its last calibration is known, split by split.
+pub(super) struct SecondReading<'a> {
+    intake: Intake,
+    roster: Roster,
+    /// Of this split.
+    schemas: BTreeMap<u16, Schema>,
+    corrector: Corrector,
+    annotator: &'a mut Annotator,
     /// By IMU.
-    pub(super) corrections: Vec<Option<Corrections>>,
-    pub(super) keep: K,
+    corrections: Vec<Option<Corrections>>,
     blocks: Vec<Block>,
 }
 
-impl<'a, K: FnMut(&Block) -> Result<(), Error>> SecondReading<'a, K> {
-    pub(super) fn new(
-        config: &Config,
-        annotator: &'a mut Annotator,
-        corrections: Vec<Option<Corrections>>,
-        keep: K,
-    ) -> Self {
-        let intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
-        Self { intake, corrector: Corrector::default(), annotator, corrections, keep, blocks: Vec::new() }
+impl<'a> SecondReading<'a> {
+    pub(super) fn new(config: &Config, annotator: &'a mut Annotator, corrections: Vec<Option<Corrections>>) -> Self {
+        Self {
+            intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
+            roster: Roster::default(),
+            schemas: BTreeMap::new(),
+            corrector: Corrector::default(),
+            annotator,
+            corrections,
+            blocks: Vec::new(),
+        }
+    }
+
+    /// Reads the next split, and hands over its corrected messages.
+    pub(super) fn read(
+        &mut self,
+        split: &Recording,
+        keep: impl FnMut(&Annotator, Block) -> Result<(), Error>,
+        watch: Watch<'_>,
+    ) -> Result<(), Error> {
+        let mut hearing = Hearing { reading: self, keep };
+        split.scan(watch, &mut hearing)?;
+        let last = hearing.reading.annotator.finish();
+        hearing.reading.blocks.extend(last);
+        hearing.keep()?;
+        self.schemas.clear();
+        self.roster.begin_split();
+        Ok(())
     }
 
     /// The recording has ended.
-    pub(super) fn finish(mut self) -> Result<Corrector, Error> {
-        self.blocks.extend(self.annotator.finish());
-        self.blocks.drain(..).try_for_each(|block| (self.keep)(&block))?;
-        Ok(self.corrector)
+    pub(super) fn finish(self) -> Corrector {
+        self.corrector
     }
 }
 
-impl<K: FnMut(&Block) -> Result<(), Error>> Listener for SecondReading<'_, K> {
+/// Hears a split.
+struct Hearing<'r, 'a, K> {
+    reading: &'r mut SecondReading<'a>,
+    keep: K,
+}
+
+impl<K: FnMut(&Annotator, Block) -> Result<(), Error>> Hearing<'_, '_, K> {
+    fn keep(&mut self) -> Result<(), Error> {
+        let SecondReading { annotator, blocks, .. } = self.reading;
+        blocks.drain(..).try_for_each(|block| (self.keep)(annotator, block))
+    }
+}
+
+impl<K: FnMut(&Annotator, Block) -> Result<(), Error>> Listener for Hearing<'_, '_, K> {
     fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        let SecondReading { intake, roster, schemas, corrector, annotator, corrections, blocks } = self.reading;
         match event {
-            Event::Schema(schema) => self.corrector.schema(schema),
-            Event::Channel(channel) => {
-                let schema = self.corrector.schemas.get(&channel.schema_id);
-                self.intake.channel(channel, schema);
-                self.corrector.channel(channel);
+            Event::Schema(schema) => {
+                schemas.insert(schema.id, schema.clone());
             }
-            Event::Message(message) if self.intake.wants(message.channel) => {
-                self.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
-                self.intake.take_notices();
-                let by = |imu: ImuId| self.corrections.get(imu.index()).and_then(Option::as_ref);
-                self.corrector.correct(&message, &self.intake, by, self.annotator, &mut self.blocks);
+            Event::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id);
+                if let Some(channel) = roster.enlist(channel, schema) {
+                    intake.channel(&channel, schema);
+                    corrector.channel(&channel, schema);
+                }
+            }
+            Event::Message(message) => {
+                let message = Message { channel: roster.id(message.channel), ..message };
+                if intake.wants(message.channel) {
+                    intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
+                    intake.take_notices();
+                    let by = |imu: ImuId| corrections.get(imu.index()).and_then(Option::as_ref);
+                    corrector.correct(&message, intake, by, annotator, blocks);
+                }
             }
             _ => {}
         }
-        self.blocks.drain(..).try_for_each(|block| (self.keep)(&block))
+        self.keep()
     }
 
     fn is_useless(&self, channels: &[u16]) -> bool {
-        channels.iter().all(|&id| self.corrector.knows(id) && !self.intake.wants(id))
+        let SecondReading { intake, roster, .. } = &*self.reading;
+        channels.iter().all(|&id| roster.knows(id) && !intake.wants(roster.id(id)))
     }
 }

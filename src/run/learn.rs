@@ -1,6 +1,6 @@
 //! A recording's messages through intake, engines and annotator: what they teach, and the annotations that say so.
 //!
-//! Reading the messages is left to [`Recording`](super::Recording), writing the annotations to [`annotate`](super::annotate()).
+//! Reading the messages is left to [`Recording`](super::recording::Recording), writing the annotations to [`annotate`](super::annotate()).
 
 use std::collections::BTreeMap;
 
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::correct::Corrector;
 use super::news::{News, Tell};
+use super::roster::Roster;
 use crate::Stamp;
 use crate::annotate::{self, Annotator, Corrected, Corrections};
 use crate::config::Config;
@@ -29,12 +30,20 @@ pub(super) struct Learner {
     #[serde(skip)]
     config: Config,
     intake: Intake,
+    /// Of this split.
     schemas: BTreeMap<u16, Schema>,
+    roster: Roster,
+    /// What the damages of this split are told with, where there are several.
+    split: Option<String>,
     imus: Vec<Learning>,
     annotator: Annotator,
+    begun: bool,
+    closed: bool,
     #[serde(skip)]
     blocks: Vec<Block>,
     channels: Vec<Channel>,
+    /// Names of their schemas.
+    kinds: Vec<String>,
     corrector: Corrector,
     damage: Vec<Damage>,
     damages: u64,
@@ -82,6 +91,11 @@ impl Learner {
             config: config.clone(),
             intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
             schemas: BTreeMap::new(),
+            roster: Roster::default(),
+            split: None,
+            begun: false,
+            closed: false,
+            kinds: Vec::new(),
             imus: Vec::new(),
             annotator: Annotator::new(config.output.encoding.in_profile("")),
             blocks: Vec::new(),
@@ -147,25 +161,29 @@ impl Learner {
     /// Takes an event of the scan, and tells what is new.
     pub(super) fn take(&mut self, event: Event<'_>, tell: Tell<'_>) {
         match event {
-            Event::Header { profile, .. } => {
+            Event::Header { profile, .. } if !self.begun => {
+                self.begun = true;
                 self.annotator = Annotator::new(self.config.output.encoding.in_profile(profile));
             }
             Event::Schema(schema) => {
                 self.schemas.insert(schema.id, schema.clone());
-                self.corrector.schema(schema);
             }
             Event::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id);
-                self.intake.channel(channel, schema);
-                tell(News::Channel { channel, schema });
-                self.channels.push(channel.clone());
-                self.corrector.channel(channel);
-                for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
-                    learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
+                if let Some(channel) = self.roster.enlist(channel, schema) {
+                    self.intake.channel(&channel, schema);
+                    self.corrector.channel(&channel, schema);
+                    tell(News::Channel { channel: &channel, schema });
+                    self.channels.push(channel);
+                    self.kinds.push(schema.map(|schema| schema.name.clone()).unwrap_or_default());
+                    for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
+                        learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
+                    }
                 }
             }
             Event::Message(message) => {
                 self.log_time = message.log_time;
+                let message = Recorded { channel: self.roster.id(message.channel), ..message };
                 if self.intake.wants(message.channel) {
                     self.message(&message, tell);
                     self.correct(&message);
@@ -175,7 +193,10 @@ impl Learner {
                 let block = self.annotator.input_chunk_ended();
                 self.blocks.extend(block);
             }
-            Event::Damage(damage) => {
+            Event::Damage(mut damage) => {
+                if let Some(split) = &self.split {
+                    damage.what = format!("{split}: {}", damage.what);
+                }
                 self.log(Level::Warning, damage.to_string(), tell);
                 tell(News::Damage(&damage));
                 self.damages += 1;
@@ -183,13 +204,13 @@ impl Learner {
                     self.damage.push(damage);
                 }
             }
-            Event::Read { .. } | Event::Chunk { .. } | Event::Wait | Event::End => {}
+            Event::Header { .. } | Event::Read { .. } | Event::Chunk { .. } | Event::Wait | Event::End => {}
         }
     }
 
     /// Whether messages on these channels, all of them known, teach nothing.
     pub(super) fn is_useless(&self, channels: &[u16]) -> bool {
-        channels.iter().all(|&id| self.corrector.knows(id) && !self.intake.wants(id))
+        channels.iter().all(|&id| self.roster.knows(id) && !self.intake.wants(self.roster.id(id)))
     }
 
     /// Hands over the blocks that were closed since the last time, so that they do not pile up.
@@ -207,25 +228,58 @@ impl Learner {
         self.annotator.topics()
     }
 
-    /// The recording has ended.
-    pub(super) fn finish(mut self, tell: Tell<'_>) -> Learned {
+    /// A split begins, of several if it has a name.
+    pub(super) fn begin_split(&mut self, name: Option<String>, is_first: bool) {
+        self.split = name;
+        self.schemas.clear();
+        if !is_first {
+            self.roster.begin_split();
+        }
+    }
+
+    /// A split has ended: no block reaches over into the next.
+    pub(super) fn end_split(&mut self) {
+        let last = self.annotator.finish();
+        self.blocks.extend(last);
+    }
+
+    /// Whether an IMU has been seen.
+    pub(super) fn has_imu(&self) -> bool {
+        !self.imus.is_empty()
+    }
+
+    /// Every channel so far, what it is used for, and the name of its schema.
+    pub(super) fn channels(&self) -> impl Iterator<Item = (&Channel, &Verdict, &str)> + Clone {
+        let channels = self.channels.iter().zip(&self.kinds);
+        channels.map(|(channel, kind)| (channel, self.intake.verdict(channel.id), kind.as_str()))
+    }
+
+    /// The last split has ended, too.
+    pub(super) fn close(&mut self, tell: Tell<'_>) {
+        self.closed = true;
         for i in 0..self.imus.len() {
             if let Some(imu) = self.imus.get_mut(i) {
                 imu.engine.finish(&mut self.events);
             }
             self.publish(i, tell);
         }
+        self.end_split();
+    }
+
+    /// What the recording taught.
+    pub(super) fn finish(mut self, tell: Tell<'_>) -> Learned {
+        if !self.closed {
+            self.close(tell);
+        }
         let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
         let notes = faults.chain(missing(&self.intake)).chain(stuck).collect();
-        let last = self.annotator.finish();
         let verdict = |channel: Channel| {
             let verdict = self.intake.verdict(channel.id).clone();
             (channel, verdict)
         };
-        self.blocks.extend(last);
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
             channels: self.channels.into_iter().map(verdict).collect(),
@@ -302,9 +356,8 @@ impl Learner {
 
     /// Type of the messages on a topic.
     fn source_type(&self, topic: &str) -> String {
-        let channel = self.channels.iter().find(|channel| channel.topic == topic);
-        let schema = channel.and_then(|channel| self.schemas.get(&channel.schema_id));
-        schema.map(|schema| schema.name.clone()).unwrap_or_default()
+        let kind = self.channels().find(|(channel, ..)| channel.topic == topic).map(|(.., kind)| kind);
+        kind.unwrap_or_default().to_owned()
     }
 
     /// Annotates the events of an IMU.

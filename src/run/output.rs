@@ -42,6 +42,13 @@ pub enum Written {
     Before,
 }
 
+impl Written {
+    /// Of two outputs together.
+    pub(super) fn and(self, other: Self) -> Self {
+        if self == Self::Now { self } else { other }
+    }
+}
+
 impl Output {
     /// The output of that name. One that exists is replaced with `force`, and compared without.
     pub(super) fn open(path: &Path, force: bool) -> Result<Self, Error> {

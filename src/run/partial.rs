@@ -90,7 +90,8 @@ impl Drop for Partial {
     }
 }
 
-fn same_file(file: &File, path: &Path) -> bool {
+/// Whether a file is what stands at a path.
+pub(super) fn same_file(file: &File, path: &Path) -> bool {
     let id = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
     file.metadata().map(id).ok().is_some_and(|ours| std::fs::metadata(path).map(id).ok() == Some(ours))
 }

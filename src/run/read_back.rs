@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::batch::calibrate;
-use super::recording::{Recording, Watch};
+use super::input::{Input, Read};
+use super::recording::Watch;
 use crate::Error;
 use crate::annotate;
 use crate::config::Config;
@@ -16,29 +17,29 @@ use crate::report::Findings;
 /// # Errors
 ///
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
-pub fn findings(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
-    let read = read_annotations(recording, watch)?;
-    if read.is_empty() { Ok(calibrate(recording, config, watch)?.imus) } else { Ok(read) }
+pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+    let read = read_annotations(input, watch)?;
+    if read.is_empty() { Ok(calibrate(input, config, watch)?.imus) } else { Ok(read) }
 }
 
-fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
     let mut schemas = BTreeMap::new();
     let mut channels = BTreeMap::new();
     let mut types = BTreeMap::new();
     let mut imus = Vec::<Findings>::new();
-    recording.scan(watch, &mut |event: Event<'_>| {
-        match event {
-            Event::Schema(schema) => {
+    input.scan(watch, |read| {
+        match read {
+            Read::Event(Event::Schema(schema)) => {
                 schemas.insert(schema.id, schema.name.clone());
             }
-            Event::Channel(channel) => {
+            Read::Event(Event::Channel(channel)) => {
                 let schema: String = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 types.insert(channel.topic.clone(), schema.clone());
                 if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|(imu, _)| !imu.is_empty()) {
                     channels.insert(channel.id, (imu.to_owned(), schema, channel.message_encoding.clone()));
                 }
             }
-            Event::Message(message) => {
+            Read::Event(Event::Message(message)) => {
                 let Some((name, schema, encoding)) = channels.get(&message.channel) else { return Ok(()) };
                 // What cannot be read is not an annotation of this version, such as a corrected reading.
                 let Ok(said) = annotate::read(schema, encoding, message.data) else { return Ok(()) };
@@ -50,7 +51,11 @@ fn read_annotations(recording: &Recording, watch: Watch<'_>) -> Result<Vec<Findi
                     imu.note(&engine::Event { log_time: message.log_time, message: said });
                 }
             }
-            _ => {}
+            Read::Event(_) => {}
+            Read::SplitEnd => {
+                schemas.clear();
+                channels.clear();
+            }
         }
         Ok(())
     })?;

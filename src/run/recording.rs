@@ -48,13 +48,6 @@ impl Recording {
 
     fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
         let metadata = std::fs::metadata(path).map_err(Error::io("read", path))?;
-        if metadata.is_dir() {
-            let why = match path.join("metadata.yaml").exists() {
-                true => "rosbag2 folders are not read yet; name the .mcap files in it",
-                false => "is a folder; name the .mcap files in it",
-            };
-            return Err(Error::input(path, why));
-        }
         if !metadata.is_file() {
             return Err(Error::input(path, "is not a regular file; save it as one first"));
         }
@@ -139,12 +132,30 @@ impl Recording {
             return Ok(None);
         }
         match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
-            Kind::Annotated { original, .. } => {
-                // The same open file, which keeps its lock.
-                let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
-                Ok(Some(Self { file, path: self.path.clone(), original, state: self.state }))
-            }
+            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..self.again()? })),
             _ => Ok(None),
+        }
+    }
+
+    /// The same open file once more, which keeps its lock.
+    pub(super) fn again(&self) -> Result<Self, Error> {
+        let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+        Ok(Self { file, path: self.path.clone(), original: self.original.clone(), state: self.state })
+    }
+
+    /// Log time of the first message, in nanoseconds; `None` without messages.
+    pub(super) fn first_log_time(&self) -> Result<Option<u64>, Error> {
+        let mut first = None;
+        let found = self.scan(&|_| Ok(()), &mut |event: Event<'_>| match event {
+            Event::Message(message) => {
+                first = Some(message.log_time);
+                Err(Error::Stopped)
+            }
+            _ => Ok(()),
+        });
+        match found {
+            Err(error) if first.is_none() => Err(error),
+            _ => Ok(first),
         }
     }
 

@@ -4,8 +4,10 @@
 use std::collections::BTreeMap;
 
 use super::batch::no_imu;
+use super::input::{Input, Read};
 use super::learn::Learner;
-use super::recording::{Recording, Watch};
+use super::recording::Watch;
+use super::roster::Roster;
 use crate::Error;
 use crate::annotate;
 use crate::config::{Config, Layer};
@@ -30,32 +32,45 @@ pub struct Stories {
 /// # Errors
 ///
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
-pub fn stories(recording: &Recording, config: &Config, watch: Watch<'_>) -> Result<Stories, Error> {
-    let settings = recording.settings()?.and_then(|mut settings| settings.remove("configuration"));
+pub fn stories(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Stories, Error> {
+    let settings = input.settings()?.and_then(|mut settings| settings.remove("configuration"));
     // A configuration that another version wrote may not be understood; it is shown all the same.
     let used = settings.as_ref().and_then(|text| Config::load(&[Layer::file("the recording", text)]).ok());
     let config = used.as_ref().unwrap_or(config);
     let mut teller = Teller::new(config);
     let mut learner = settings.is_none().then(|| Learner::new(config));
-    let inventory = recording.scan(watch, &mut |event: Event<'_>| {
-        teller.take(&event, learner.is_none());
-        if let Some(learner) = &mut learner {
-            learner.take(event, &mut |_| {});
-            let blocks: Vec<_> = learner.take_blocks().collect();
-            blocks.iter().for_each(|block| teller.block(block, learner.topics()));
+    let mut splits = input.split_names();
+    learner.iter_mut().for_each(|learner| learner.begin_split(splits.next(), true));
+    input.scan(watch, |read| {
+        match read {
+            Read::Event(event) => {
+                teller.take(&event, learner.is_none());
+                if let Some(learner) = &mut learner {
+                    learner.take(event, &mut |_| {});
+                }
+            }
+            Read::SplitEnd => {
+                teller.begin_split();
+                if let Some(learner) = &mut learner {
+                    learner.end_split();
+                    learner.begin_split(splits.next(), false);
+                }
+            }
         }
+        learner.iter_mut().for_each(|learner| teller.learned(learner));
         Ok(())
     })?;
-    if let Some(learned) = learner.map(|learner| learner.finish(&mut |_| {})) {
-        learned.blocks.iter().for_each(|block| teller.block(block, learned.annotator.topics()));
-        if learned.imus.is_empty() {
-            return Err(no_imu(recording.path(), &inventory, &learned.channels));
+    if let Some(mut learner) = learner {
+        learner.close(&mut |_| {});
+        teller.learned(&mut learner);
+        if !learner.has_imu() {
+            return Err(no_imu(input.path(), learner.channels()));
         }
-        teller.notes.extend(learned.notes);
+        teller.notes.extend(learner.finish(&mut |_| {}).notes);
     }
     let Teller { imus, mut notes, damages, .. } = teller;
     if imus.is_empty() {
-        return Err(Error::input(recording.path(), "was annotated, but no IMU was found in it: nothing to report"));
+        return Err(Error::input(input.path(), "was annotated, but no IMU was found in it: nothing to report"));
     }
     if damages > 1 {
         notes.push(format!("{damages} damages in all"));
@@ -68,8 +83,10 @@ struct Teller {
     notes: Vec<String>,
     damages: u64,
     intake: Intake,
+    roster: Roster,
+    /// Of this split.
     schemas: BTreeMap<u16, Schema>,
-    /// Annotation channels: the IMU's name, type, encoding.
+    /// Annotation channels of this split: the IMU's name, type, encoding.
     annotations: BTreeMap<u16, (String, String, String)>,
     samples: Vec<(ImuId, Sensor, Sample)>,
 }
@@ -81,10 +98,24 @@ impl Teller {
             notes: Vec::new(),
             damages: 0,
             intake: Intake::new(&config.imu),
+            roster: Roster::default(),
             schemas: BTreeMap::new(),
             annotations: BTreeMap::new(),
             samples: Vec::new(),
         }
+    }
+
+    /// Another split begins, if one does.
+    fn begin_split(&mut self) {
+        self.schemas.clear();
+        self.annotations.clear();
+        self.roster.begin_split();
+    }
+
+    /// Takes what was just learned.
+    fn learned(&mut self, learner: &mut Learner) {
+        let blocks: Vec<_> = learner.take_blocks().collect();
+        blocks.iter().for_each(|block| self.block(block, learner.topics()));
     }
 
     /// Takes annotations that were just learned.
@@ -104,7 +135,9 @@ impl Teller {
             }
             Event::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id);
-                self.intake.channel(channel, schema);
+                if let Some(channel) = self.roster.enlist(channel, schema) {
+                    self.intake.channel(&channel, schema);
+                }
                 if let Some((imu, _)) = channel.topic.split_once("/stillpoint/").filter(|_| believed) {
                     let kind = schema.map(|schema| schema.name.clone()).unwrap_or_default();
                     self.annotations.insert(channel.id, (imu.to_owned(), kind, channel.message_encoding.clone()));
@@ -112,7 +145,7 @@ impl Teller {
             }
             Event::Message(message) => match self.annotations.get(&message.channel).cloned() {
                 Some((imu, kind, encoding)) => self.annotation(&imu, &kind, &encoding, message.log_time, message.data),
-                None => self.source(message.channel, message.log_time, message.data),
+                None => self.source(self.roster.id(message.channel), message.log_time, message.data),
             },
             Event::Damage(damage) => {
                 self.damages += 1;

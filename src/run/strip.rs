@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use super::bag::METADATA;
+use super::folder::Folder;
+use super::input::Input;
 use super::output::{Output, Written};
 use super::recording::{Recording, Watch};
 use crate::Error;
@@ -10,19 +13,27 @@ use crate::record::Piece;
 /// Large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;
 
-/// Writes the bytes of a recording, wherever they stand, as a file of their own.
+/// Writes the bytes of a recording, wherever they stand, as a file or folder of their own.
 ///
 /// # Errors
 ///
 /// If the recording cannot be read or the output cannot be written; nothing is left behind.
-pub fn strip(
-    recording: &Recording,
-    output: &Path,
-    force: bool,
-    sync: bool,
-    watch: Watch<'_>,
-) -> Result<Written, Error> {
-    let mut output = Output::open(output, force)?;
+pub fn strip(input: &Input, output: &Path, force: bool, sync: bool, watch: Watch<'_>) -> Result<Written, Error> {
+    let Some(bag) = &input.bag else {
+        let copies = input.splits.iter().map(|split| copy(split, Output::open(output, force)?, sync, watch));
+        return copies.last().unwrap_or(Ok(Written::Before));
+    };
+    let folder = Folder::open(output, force)?;
+    let mut done = 0;
+    for (split, name) in input.splits.iter().zip(bag.names()) {
+        copy(split, folder.output(name)?, sync, &|at| watch(done + at))?;
+        done += split.length();
+    }
+    folder.put(METADATA, bag.original(), sync)?;
+    folder.finish(sync)
+}
+
+fn copy(recording: &Recording, mut output: Output, sync: bool, watch: Watch<'_>) -> Result<Written, Error> {
     let mut from = 0;
     while from < recording.length() {
         watch(from)?;

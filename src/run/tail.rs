@@ -12,6 +12,7 @@ use super::batch::{self, Form, Kept, Options, Report};
 use super::checkpoint::{Checkpoint, Found, Owner, StateOf};
 use super::growing::{Growing, Look};
 use super::in_place::Access;
+use super::input::Input;
 use super::learn::{Learned, Learner};
 use super::news::{Ending, News, Progress, Tell};
 use super::output::Written;
@@ -165,8 +166,8 @@ impl Shell<'_> {
     fn already(&mut self, input: &Path) -> Result<Tailed, Error> {
         let recording = Recording::open_original(input, Access::Read)?;
         let (report, written) = batch::annotate(
-            &recording,
-            &self.output,
+            &Input::of(recording),
+            std::slice::from_ref(&self.output),
             self.config,
             Options { force: false, ..self.following.options },
             &|_| self.stop.check(),
@@ -414,12 +415,15 @@ impl Shell<'_> {
             }
         }
         if learned.imus.is_empty() && !self.following.options.allow_no_imu {
-            return Err(batch::no_imu(growing.path(), &inventory, &learned.channels));
+            let kind = |id| inventory.schemas().get(&id).map_or("", |schema| &*schema.name);
+            let channels =
+                learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
+            return Err(batch::no_imu(growing.path(), channels));
         }
         let last = std::mem::take(&mut learned.blocks);
         self.append(&mut sidecar, &profile, learned.annotator.topics(), last, growing.path())?;
         self.patiently(tell, |shell| shell.appending.flush())?;
-        let report = Report::new(&inventory, &learned);
+        let report = Report::of(&inventory, &learned);
         if ending == Ending::Truncated {
             let output = self.appending.path().to_owned();
             self.close(sidecar, tell)?;
@@ -437,10 +441,12 @@ impl Shell<'_> {
     fn annotate(&mut self, recording: &Recording, ending: Ending) -> Result<Tailed, Error> {
         let options = self.following.options;
         let watch = |_| self.stop.check();
-        let (report, written) = batch::annotate(recording, &self.output, self.config, options, &watch)?;
+        let input = Input::of(recording.again()?);
+        let (report, written) =
+            batch::annotate(&input, std::slice::from_ref(&self.output), self.config, options, &watch)?;
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
-            batch::annotate(recording, self.appending.path(), self.config, options, &watch)?;
+            batch::annotate(&input, &[self.appending.path().to_owned()], self.config, options, &watch)?;
             self.checkpoint.remove()?;
         } else {
             self.tidy()?;

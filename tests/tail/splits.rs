@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Access, Following, News, Options, Recording, Stop};
+use stillpoint::run::{self, Access, Following, Input, News, Options, Stop};
 use stillpoint::simulate::{Scenario, record};
 
 use crate::common::Folder;
@@ -78,8 +78,8 @@ fn follow(bytes: &[u8], lengths: &[usize], events: &mut Vec<String>) -> Option<V
 fn batch(bytes: &[u8]) -> Option<Vec<u8>> {
     let folder = Folder::new();
     folder.write("rec.mcap", bytes);
-    let recording = Recording::open_original(&folder.path().join("rec.mcap"), Access::Read).unwrap();
+    let input = Input::open_original(&folder.path().join("rec.mcap"), Access::Read).unwrap();
     let output = folder.path().join("out.mcap");
-    let done = run::annotate(&recording, &output, &Config::default(), Options::default(), &|_| Ok(()));
+    let done = run::annotate(&input, &[output], &Config::default(), Options::default(), &|_| Ok(()));
     done.ok().map(|_| folder.read("out.mcap"))
 }

@@ -1,0 +1,143 @@
+//! A folder as a result: written under another name and renamed when all in it is whole, or compared with the one that
+//! is there. What is written into it is left to the caller.
+
+use std::fs::{File, TryLockError};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::output::{Output, Written};
+use super::partial::{Partial, sync_folder};
+use crate::Error;
+
+/// A folder that is to be the result.
+#[derive(Debug)]
+pub(super) struct Folder {
+    path: PathBuf,
+    /// Where it is written, and what keeps others from doing so; nowhere if it is there already.
+    new: Option<(PathBuf, File)>,
+    finished: bool,
+}
+
+impl Folder {
+    /// The folder of that name. One that exists is replaced with `force`, and compared without.
+    pub(super) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+        let exists = path.symlink_metadata().is_ok();
+        if exists && !path.is_dir() {
+            return Err(Error::input(path, "is a file, but the result is a folder; choose another name"));
+        }
+        if exists && force && !is_recording(path) {
+            return Err(Error::input(path, "holds more than a recording; choose another name"));
+        }
+        let new = if exists && !force { None } else { Some(create(path)?) };
+        Ok(Self { path: path.to_owned(), new, finished: false })
+    }
+
+    fn place(&self) -> &Path {
+        self.new.as_ref().map_or(&self.path, |(place, _)| place)
+    }
+
+    /// An output in it.
+    pub(super) fn output(&self, name: &str) -> Result<Output, Error> {
+        let path = self.place().join(name);
+        match self.new.is_some() || path.exists() {
+            true => Output::open(&path, self.new.is_some()),
+            false => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// A small file in it.
+    pub(super) fn put(&self, name: &str, text: &str, sync: bool) -> Result<(), Error> {
+        let path = self.place().join(name);
+        if self.new.is_some() {
+            return write(&path, text, sync);
+        }
+        match std::fs::read(&path) {
+            Ok(found) if found == text.as_bytes() => Ok(()),
+            _ => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// All that belongs into it is there.
+    pub(super) fn finish(mut self, sync: bool) -> Result<Written, Error> {
+        let Some((place, _)) = &self.new else { return Ok(Written::Before) };
+        let refused = |e| Error::io("write", &self.path)(e);
+        if sync {
+            File::open(place).and_then(|folder| folder.sync_all()).map_err(refused)?;
+        }
+        let replaced = with_suffix(&self.path, ".replaced");
+        let replaces = self.path.exists();
+        if replaces {
+            std::fs::rename(&self.path, &replaced).map_err(refused)?;
+        }
+        std::fs::rename(place, &self.path).map_err(refused)?;
+        if sync {
+            sync_folder(&self.path).map_err(refused)?;
+        }
+        if replaces {
+            std::fs::remove_dir_all(&replaced).map_err(Error::io("remove", &replaced))?;
+        }
+        self.finished = true;
+        Ok(Written::Now)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Some((place, _)) = self.new.take()
+            && !self.finished
+        {
+            // There is nobody to tell, and the next run takes over what could not be removed.
+            let _ = std::fs::remove_dir_all(place);
+        }
+    }
+}
+
+/// Writes a small file, whole or not at all.
+pub(super) fn write(path: &Path, text: &str, sync: bool) -> Result<(), Error> {
+    let partial = Partial::create(path)?;
+    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
+    partial.finish(sync)
+}
+
+/// An empty folder beside `path`, locked. One that a killed run left is taken over.
+fn create(path: &Path) -> Result<(PathBuf, File), Error> {
+    let place = with_suffix(path, ".partial");
+    let refused = |e| Error::io("write", path)(e);
+    loop {
+        match std::fs::create_dir(&place) {
+            Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => return Err(refused(e)),
+            _ => {}
+        }
+        let Ok(lock) = File::open(&place) else { continue };
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
+            Err(TryLockError::Error(error)) => return Err(refused(error)),
+        }
+        // Its last owner may have renamed or removed it between our opening and locking it.
+        if !super::partial::same_file(&lock, &place) {
+            continue;
+        }
+        for entry in std::fs::read_dir(&place).map_err(refused)? {
+            std::fs::remove_file(entry.map_err(refused)?.path()).map_err(refused)?;
+        }
+        return Ok((place, lock));
+    }
+}
+
+/// Whether there is nothing in a folder but what rosbag2 and we put there.
+fn is_recording(folder: &Path) -> bool {
+    let Ok(mut entries) = std::fs::read_dir(folder) else { return false };
+    entries.all(|entry| {
+        entry.is_ok_and(|entry| {
+            let path = entry.path();
+            path.is_file() && matches!(path.extension().and_then(|e| e.to_str()), Some("mcap" | "yaml" | "partial"))
+        })
+    })
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(suffix);
+    path.with_file_name(name)
+}

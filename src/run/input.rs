@@ -1,0 +1,153 @@
+//! One recording as the user names it: a file, several that are one, or a rosbag2 folder. Reading its files is left to
+//! [`Recording`], what they mean to the caller.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::bag::Bag;
+use super::in_place::Access;
+use super::recording::{Recording, Watch};
+use crate::Error;
+use crate::record::Event;
+
+/// A recording: the files that it consists of, its splits, in the order of time.
+#[derive(Debug)]
+pub struct Input {
+    path: PathBuf,
+    pub(super) splits: Vec<Recording>,
+    pub(super) bag: Option<Bag>,
+}
+
+impl Input {
+    /// Opens a file or rosbag2 folder. All that is in it is the recording.
+    ///
+    /// # Errors
+    ///
+    /// If it is missing, empty, no recording, or may not be read.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::each(path, Recording::open)
+    }
+
+    /// Opens a file or rosbag2 folder. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if it holds annotations alone.
+    pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
+        Self::each(path, |file| Recording::open_original(file, access))
+    }
+
+    /// Opens a file or rosbag2 folder that Stillpoint annotated. The recording is the original in it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
+    pub fn open_annotated(path: &Path) -> Result<Self, Error> {
+        let input = Self::each(path, Recording::open_annotated)?;
+        match &input.bag {
+            Some(bag) if !bag.is_annotated() => {
+                Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip"))
+            }
+            _ => Ok(input),
+        }
+    }
+
+    /// A recording that is open.
+    pub(super) fn of(recording: Recording) -> Self {
+        Self { path: recording.path().to_owned(), splits: vec![recording], bag: None }
+    }
+
+    /// Opens files that are one recording: the originals in them, in the order of their first messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`open_original`](Self::open_original).
+    pub fn join(paths: &[PathBuf], access: Access) -> Result<Self, Error> {
+        let mut splits = Vec::new();
+        for path in paths {
+            if path.is_dir() {
+                return Err(Error::input(path, "is a folder, which is one recording already; --join takes files"));
+            }
+            let split = Recording::open_original(path, access)?;
+            splits.push((split.first_log_time()?, split));
+        }
+        // Those without messages stay where they were named, as far as that goes.
+        splits.sort_by_key(|&(first, _)| first.unwrap_or_default());
+        let splits = splits.into_iter().map(|(_, split)| split).collect();
+        Ok(Self { path: paths.first().cloned().unwrap_or_default(), splits, bag: None })
+    }
+
+    fn each(path: &Path, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
+        if !path.is_dir() {
+            return Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None });
+        }
+        let bag = Bag::open(path)?;
+        let splits = bag.names().map(|name| open(&path.join(name))).collect::<Result<_, _>>()?;
+        Ok(Self { path: path.to_owned(), splits, bag: Some(bag) })
+    }
+
+    /// Where it is: the folder, or the first of several files.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its length in bytes, that of all files together.
+    pub fn length(&self) -> u64 {
+        self.splits.iter().map(Recording::length).sum()
+    }
+
+    /// Whether it is a folder.
+    pub fn is_folder(&self) -> bool {
+        self.bag.is_some()
+    }
+
+    /// Its files.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.splits.iter().map(Recording::path)
+    }
+
+    /// Names of the files, if there are several.
+    pub(super) fn split_names(&self) -> impl Iterator<Item = String> {
+        let several = self.splits.len() > 1;
+        let name = |split: &Recording| split.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        self.splits.iter().filter(move |_| several).map(name)
+    }
+
+    /// What determined the annotations, if there are any in it.
+    pub(super) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
+        self.splits.first().map_or(Ok(None), Recording::settings)
+    }
+
+    /// The same with another recording in the place of a split.
+    pub(super) fn with_split(&self, index: usize, split: Recording) -> Result<Self, Error> {
+        let mut splits = self.splits.iter().map(Recording::again).collect::<Result<Vec<_>, _>>()?;
+        splits.splice(index..=index, [split]);
+        Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone() })
+    }
+
+    /// Reads all of it, split by split.
+    ///
+    /// # Errors
+    ///
+    /// If a split is not MCAP, if the system refuses, or what `watch` or `each` returns.
+    pub(super) fn scan(
+        &self,
+        watch: Watch<'_>,
+        mut each: impl FnMut(Read<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut done = 0;
+        for split in &self.splits {
+            split.scan(&|at| watch(done + at), &mut |event: Event<'_>| each(Read::Event(event)))?;
+            each(Read::SplitEnd)?;
+            done += split.length();
+        }
+        Ok(())
+    }
+}
+
+/// What is read of a recording.
+pub(super) enum Read<'a> {
+    Event(Event<'a>),
+    /// A split has ended.
+    SplitEnd,
+}
