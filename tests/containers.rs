@@ -81,9 +81,9 @@ fn no_claim_of_a_file_allocates_what_it_does_not_hold() {
         record(0x0C, 0, &[0xFF; 20]),
     ];
     folder.write("hostile.mcap", &[head, hostile.concat()].concat());
-    // 512 MiB of address space, of which the program itself and its threads take a part.
+    // Less address space than the least of the claims, and the program and its threads take a part of it.
     let script = format!(
-        "ulimit -v 524288; exec {} annotate hostile.mcap --allow-no-imu --accept-damage",
+        "ulimit -v 900000; exec {} annotate hostile.mcap --allow-no-imu --accept-damage",
         env!("CARGO_BIN_EXE_stillpoint")
     );
     let run = common::finish(std::process::Command::new("bash").args(["-c", &script]).current_dir(folder.path())).ok();
