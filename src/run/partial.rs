@@ -39,7 +39,10 @@ impl Partial {
             }
             // Its last owner may have renamed or removed it between our opening and locking it.
             if same_file(&file, &path) {
-                file.set_len(0).map_err(refused)?;
+                // ext4 writes out at once, when it is closed, what was ever cut to nothing.
+                if file.metadata().map_err(refused)?.len() > 0 {
+                    file.set_len(0).map_err(refused)?;
+                }
                 return Ok(Self { file, path, target: target.to_owned(), finished: false });
             }
         }
