@@ -180,7 +180,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars,
         chi2_per_dof: bars.chi2_per_dof(),
         freedom: bars.freedom(),
         placement_std: bars.placement_std(),
-        condition: stage.solved.solution.condition,
+        condition: stage.solved.solution.condition(),
         active: stage.solved.solution.active,
         origin: Some(origin),
     }

@@ -1,8 +1,9 @@
 //! Bounded linear least squares: MATLAB's `lsqlin` with bounds alone, by the interior-point solver clarabel.
 //!
 //! The solver calls a singular problem solved and invents its values, so rank and optimality are checked here. It is
-//! asked only where a bound stands in the way: an unbounded minimiser that lies inside the bounds is the minimiser, and
-//! the singular value decomposition that the rank check needs anyway gives it to the last digit.
+//! asked only where it is not plain which bounds stand in the way: an unbounded minimiser that lies inside the bounds is
+//! the minimiser, and the decomposition that the rank check needs anyway gives it to the last digit. What the bounds cut
+//! off of it mostly tells which of them hold, and the conditions of Karush, Kuhn and Tucker whether it did.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
@@ -13,10 +14,17 @@ use nalgebra::{DMatrix, DVector};
 pub struct Solution {
     /// Where the objective is least.
     pub x: DVector<f64>,
-    /// Condition number of the design, its columns scaled to unit length.
-    pub condition: f64,
+    /// The design as an upper triangle, its columns scaled to unit length.
+    triangle: DMatrix<f64>,
     /// Unknowns that stand at a bound which holds them back.
     pub active: Vec<usize>,
+}
+
+impl Solution {
+    /// Condition number of the design, its columns scaled to unit length.
+    pub fn condition(&self) -> f64 {
+        condition(&self.triangle.singular_values())
+    }
 }
 
 /// Why there is none.
@@ -72,23 +80,32 @@ pub fn lsqlin(
     triangle.q_tr_mul(&mut target);
     let design = triangle.unpack_r();
     let target = target.rows(0, design.ncols()).into_owned();
-    let decomposition = design.clone().svd(true, true);
-    let condition = condition(&decomposition.singular_values);
-    if !condition.is_finite() || condition > MAX_CONDITION {
-        return Err(Error::Singular(condition));
-    }
+    check_rank(&design)?;
     let (low, high) = (lower.component_mul(&scale) / magnitude, upper.component_mul(&scale) / magnitude);
 
-    let free = decomposition.solve(&target, 0.0).map_err(|_| Error::NotConverged)?;
+    let free = design.solve_upper_triangular(&target).ok_or(Error::Singular(f64::INFINITY))?;
     let inside = free.iter().zip(low.iter().zip(&high)).all(|(x, (l, u))| *l <= *x && *x <= *u);
     let scaled = if inside {
         free
     } else {
-        polish(&design, &target, &low, &high, interior_point(&design, &target, &low, &high)?)?
+        let cut = free.zip_zip_map(&low, &high, |x, l, u| x.clamp(l, u));
+        polish(&design, &target, &low, &high, cut)
+            .or_else(|_| polish(&design, &target, &low, &high, interior_point(&design, &target, &low, &high)?))?
     };
 
     let active = (0..scaled.len()).filter(|&i| scaled[i] <= low[i] || scaled[i] >= high[i]).collect();
-    Ok(Solution { x: scaled.component_div(&scale) * magnitude, condition, active })
+    Ok(Solution { x: scaled.component_div(&scale) * magnitude, triangle: design, active })
+}
+
+/// Refuses a triangle that does not determine the unknowns.
+fn check_rank(triangle: &DMatrix<f64>) -> Result<(), Error> {
+    let inverse = triangle.solve_upper_triangular(&DMatrix::identity(triangle.nrows(), triangle.ncols()));
+    // Frobenius' norms never make the condition number less than it is, and cost less.
+    if inverse.is_some_and(|inverse| triangle.norm() * inverse.norm() <= MAX_CONDITION) {
+        return Ok(());
+    }
+    let condition = condition(&triangle.singular_values());
+    if condition <= MAX_CONDITION { Ok(()) } else { Err(Error::Singular(condition)) }
 }
 
 /// Ratio of the largest to the smallest singular value.
@@ -134,9 +151,9 @@ fn interior_point(
     }
 }
 
-/// From the solver's answer to the exact minimiser: the bounds that it stands at are taken as equations, the rest is
-/// solved by decomposition, and the conditions of Karush, Kuhn and Tucker are checked; a bound with the wrong sign of
-/// the gradient is let go of.
+/// From a point near the minimiser to the minimiser itself: the bounds that it stands at are taken as equations, the
+/// rest is solved by decomposition, and the conditions of Karush, Kuhn and Tucker are checked; a bound with the wrong
+/// sign of the gradient is let go of.
 fn polish(
     design: &DMatrix<f64>,
     target: &DVector<f64>,
@@ -178,7 +195,11 @@ fn solve_with(design: &DMatrix<f64>, target: &DVector<f64>, given: &[Option<f64>
     let free: Vec<usize> = (0..given.len()).filter(|&i| given[i].is_none()).collect();
     if !free.is_empty() {
         let rest = target - design * &x;
-        let solved = design.select_columns(&free).svd(true, true).solve(&rest, 0.0).map_err(|_| Error::NotConverged)?;
+        let triangle = design.select_columns(&free).qr();
+        let mut target = rest;
+        triangle.q_tr_mul(&mut target);
+        let target = target.rows(0, free.len());
+        let solved = triangle.unpack_r().solve_upper_triangular(&target).ok_or(Error::NotConverged)?;
         free.iter().zip(&solved).for_each(|(&i, value)| x[i] = *value);
     }
     Ok(x)

@@ -119,7 +119,7 @@ impl NormalEquations {
             squares += left;
 
             let variance = left / freedom.max(1.0);
-            let inverse = line.gram.clone().try_inverse().ok_or(lsqlin::Error::Singular(solution.condition))?;
+            let inverse = line.gram.clone().try_inverse().ok_or(lsqlin::Error::Singular(solution.condition()))?;
             // Were what is left over white, each span's score would have the variance that its Gram matrix says; what it has
             // more is correlation, and counts like fewer samples.
             let scores = self.spans.iter().map(|span| {
@@ -136,7 +136,7 @@ impl NormalEquations {
                     estimate.covariance[(p, q)] = covariance[(i, j)];
                 }
             }
-            estimate.condition = estimate.condition.max(solution.condition);
+            estimate.condition = estimate.condition.max(solution.condition());
             estimate.active.extend(solution.active.iter().map(|&i| places[i]));
         }
         estimate.active.sort_unstable();

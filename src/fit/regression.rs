@@ -83,7 +83,7 @@ impl Regression {
             chi2_per_dof: bars.chi2_per_dof(),
             freedom: bars.freedom(),
             placement_std: bars.placement_std(),
-            condition: solved.solution.condition,
+            condition: solved.solution.condition(),
             active: solved.solution.active.clone(),
             parameters: solved.solution.x,
             origin: None,
