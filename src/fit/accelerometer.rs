@@ -113,8 +113,8 @@ fn on_magnitude(
     start: Calibration,
 ) -> Result<Stage, lsqlin::Error> {
     const STEPS: usize = 20;
-    // In units of the residuals' standard deviations: less is nothing gained.
-    const ENOUGH: f64 = 1e-9;
+    // In units of the residuals' standard deviations. The next step would be a thousandth of it.
+    const ENOUGH: f64 = 1e-6;
     let (low, high) = limits(given.shape, |term| given.bounds.accelerometer(term));
     let mut calibration = start;
     for _ in 0..STEPS {

@@ -76,9 +76,10 @@ impl Scatter {
     /// What the equations tell of it.
     pub fn learn(blocks: &[Block], assumed: Assumed) -> Self {
         let prior = assumed.placement * assumed.placement;
-        let at_prior = blocks.iter().map(|block| block.likelihood(prior, assumed.leak));
+        let products: Vec<_> = blocks.iter().map(|block| Products::of(block, assumed.leak)).collect();
+        let at_prior = products.iter().map(|products| products.likelihood(prior));
         let Some(at_prior) = at_prior.collect::<Option<Vec<_>>>() else { return Self::assumed(assumed.placement) };
-        let freedom: f64 = blocks.iter().zip(&at_prior).map(|(block, at)| block.freedom(at, assumed.leak)).sum();
+        let freedom: f64 = products.iter().zip(&at_prior).map(|(products, at)| products.freedom(at)).sum();
         // Rounding may leave a crumb of a degree.
         if freedom < 0.01 {
             return Self::assumed(assumed.placement);
@@ -101,7 +102,7 @@ impl Scatter {
             let log = low + step * k as f64;
             let variance = libm::exp(log);
             let between = (variance - noise).max(0.0);
-            let of_blocks = blocks.iter().map(|block| block.likelihood(between, assumed.leak).map(|at| at.log));
+            let of_blocks = products.iter().map(|products| products.likelihood(between).map(|at| at.log));
             let Some(likelihood) = of_blocks.sum::<Option<f64>>() else { continue };
             // Scaled inverse χ² of `trust` degrees of freedom, uniform in the logarithm without.
             let density = likelihood - 0.5 * trust * (log + (noise + prior) / variance);
@@ -214,18 +215,45 @@ impl Block {
         let left = &self.residuals - &self.leaks * &likeliest;
         Some(Leaking { left, leaks: likeliest.iter().copied().zip(variances.iter().skip(unknowns).copied()).collect() })
     }
+}
 
-    fn likelihood(&self, between: f64, leak: f64) -> Option<Likelihood> {
-        let unknowns = self.design.ncols();
-        let leaks = if leak > 0.0 { self.leaks.ncols() } else { 0 };
-        let size = unknowns + leaks;
-        // The lower triangle of the information, row by row: this is where a refit spends its time.
-        let mut lower = vec![0.0; size * (size + 1) / 2];
-        let mut answer = DVector::<f64>::zeros(size);
-        let mut row = vec![0.0; size];
-        let (mut log, mut product, mut squares) = (0.0, 1.0, 0.0);
-        for r in 0..self.residuals.len() {
-            let variance = self.gain[r] * between + self.noise[r];
+/// A block as its likelihood wants it: of every equation the products of what stands in it, which each level of scatter
+/// weights anew. Here is where a refit spends its time.
+struct Products<'a> {
+    block: &'a Block,
+    leak: f64,
+    /// Unknowns and leaks.
+    size: usize,
+    /// Of one equation after the other the lower triangle of its share in the information, row by row, its answer to each
+    /// unknown and leak, and its square.
+    all: Vec<f64>,
+}
+
+impl<'a> Products<'a> {
+    fn of(block: &'a Block, leak: f64) -> Self {
+        let unknowns = block.design.ncols();
+        let size = unknowns + if leak > 0.0 { block.leaks.ncols() } else { 0 };
+        let mut all = Vec::with_capacity(block.residuals.len() * Self::width(size));
+        for (r, residual) in block.residuals.iter().enumerate() {
+            let entry = |k: usize| if k < unknowns { block.design[(r, k)] } else { block.leaks[(r, k - unknowns)] };
+            all.extend((0..size).flat_map(|i| (0..=i).map(move |j| entry(i) * entry(j))));
+            all.extend((0..size).map(|k| entry(k) * residual));
+            all.push(residual * residual);
+        }
+        Self { block, leak, size, all }
+    }
+
+    /// How many products an equation has.
+    fn width(size: usize) -> usize {
+        size * (size + 1) / 2 + size + 1
+    }
+
+    fn likelihood(&self, between: f64) -> Option<Likelihood> {
+        let Self { block, leak, size, .. } = *self;
+        let mut sums = vec![0.0; Self::width(size)];
+        let (mut log, mut product) = (0.0, 1.0);
+        let variances = block.gain.iter().zip(&block.noise).map(|(gain, noise)| gain * between + noise);
+        for (products, variance) in self.all.chunks_exact(sums.len()).zip(variances) {
             if variance.is_nan() || variance <= 0.0 {
                 return None;
             }
@@ -235,20 +263,14 @@ impl Block {
                 log += libm::log(product);
                 product = 1.0;
             }
-            let residual = self.residuals[r];
-            squares += residual * residual / variance;
-            row.iter_mut().take(unknowns).enumerate().for_each(|(k, x)| *x = self.design[(r, k)]);
-            row.iter_mut().skip(unknowns).enumerate().for_each(|(k, x)| *x = self.leaks[(r, k)]);
-            let mut entries = lower.iter_mut();
-            for (k, x) in row.iter().enumerate() {
-                let weighted = x / variance;
-                answer[k] += weighted * residual;
-                row[..=k].iter().zip(&mut entries).for_each(|(y, entry)| *entry += weighted * y);
-            }
+            let weight = 1.0 / variance;
+            sums.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
         }
         log += libm::log(product);
+        let (lower, answer) = sums.split_at(size * (size + 1) / 2);
+        let (squares, answer) = answer.split_last()?;
         let entry = |i: usize, j: usize| lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
-        let prior = |k: usize| if k < unknowns { 0.0 } else { 1.0 / (leak * leak) };
+        let prior = |k: usize| if k < block.design.ncols() { 0.0 } else { 1.0 / (leak * leak) };
         // Columns may differ by orders of magnitude.
         let scale = DVector::from_fn(size, |k, _| (entry(k, k) + prior(k)).sqrt());
         let scaled = DMatrix::from_fn(size, size, |i, j| {
@@ -258,19 +280,19 @@ impl Block {
         let factor = scaled.cholesky()?;
         let determinant: f64 =
             factor.l_dirty().diagonal().iter().zip(&scale).map(|(d, s)| 2.0 * libm::log(d * s)).sum();
-        let answer = answer.component_div(&scale);
+        let answer = DVector::from_column_slice(answer).component_div(&scale);
         let left = (squares - factor.solve(&answer).dot(&answer)).max(0.0);
         Some(Likelihood { log: -0.5 * (log + determinant + left), squares: left, factor, scale })
     }
 
     /// Degrees of freedom of what is left over.
-    fn freedom(&self, at: &Likelihood, leak: f64) -> f64 {
+    fn freedom(&self, at: &Likelihood) -> f64 {
         // Every unknown takes one; a leak as much of one as the data tell of it.
         let inverse = at.factor.inverse();
-        let unknowns = self.design.ncols();
-        let unsaid = |k: usize| inverse[(k, k)] / (at.scale[k] * at.scale[k] * leak * leak);
+        let unknowns = self.block.design.ncols();
+        let unsaid = |k: usize| inverse[(k, k)] / (at.scale[k] * at.scale[k] * self.leak * self.leak);
         let by_leaks: f64 = (unknowns..at.scale.len()).map(|k| 1.0 - unsaid(k)).sum();
-        self.residuals.len() as f64 - unknowns as f64 - by_leaks
+        self.block.residuals.len() as f64 - unknowns as f64 - by_leaks
     }
 }
 

@@ -70,8 +70,8 @@ impl System {
     /// If the equations do not determine the unknowns, the limits contradict each other, or the solver fails.
     pub fn solve(mut self, (low, high): &Limits, loss: Loss) -> Result<Solved, lsqlin::Error> {
         let rows = self.targets.len();
-        let mut design = DMatrix::from_row_iterator(rows, self.shape.unknowns(), self.design);
-        let mut leaks = DMatrix::from_row_iterator(rows, self.shape.unmodelled().count(), self.leaks);
+        let mut design = DMatrix::from_vec(self.shape.unknowns(), rows, self.design).transpose();
+        let mut leaks = DMatrix::from_vec(self.shape.unmodelled().count(), rows, self.leaks).transpose();
         let targets = DVector::from_vec(self.targets);
         let solution = match loss {
             Loss::Square => lsqlin(&design, &targets, low, high)?,

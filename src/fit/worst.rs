@@ -1,7 +1,7 @@
 //! The error of a corrected reading at rest in the direction of gravity where it is worst. How well the parameters are
 //! known is left to the fits.
 
-use nalgebra::{DMatrix, Matrix3, Matrix4, Rotation3, Vector3, Vector4};
+use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
 use super::shape::{Shape, Term};
 
@@ -70,7 +70,8 @@ fn climb(start: f64, from: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64)
     while step > LAST {
         let east = up.cross(&Vector3::ith(up.iamin(), 1.0)).normalize();
         let north = up.cross(&east);
-        let around = [east, -east, north, -north].map(|axis| Rotation3::from_scaled_axis(axis * step) * up);
+        let (sin, cos) = libm::sincos(step);
+        let around = [east, -east, north, -north].map(|aside| up * cos + aside * sin);
         let highest = around.iter().map(|up| (height(up), up)).max_by(|(a, _), (b, _)| a.total_cmp(b));
         match highest {
             Some((higher, there)) if higher > best => (best, up) = (higher, *there),

@@ -12,8 +12,8 @@ use crate::record::{Chunk, Chunks, Opened, Opener, Supply};
 
 /// Small chunks are handed to a thread by so many bytes (256 KiB).
 const BATCH: u64 = 256 << 10;
-/// Most bytes, compressed and not, that are being opened or wait for the scan (24 MiB), unless one chunk has more.
-const ROOM: u64 = 24 << 20;
+/// Most bytes, compressed and not, that are being opened or wait for the scan (8 MiB: more would only leave the caches), unless one chunk has more.
+const ROOM: u64 = 8 << 20;
 /// Most chunks that are known of ahead.
 const CHUNKS: usize = 512;
 /// Longest chunk that is opened ahead (1 GiB); what is longer is hardly one.
@@ -107,7 +107,7 @@ impl<'a> Ahead<'a> {
 
     /// Takes memory back.
     pub(super) fn recycle(&mut self, opened: Opened) {
-        if opened.size() as u64 <= ROOM / 4 {
+        if opened.size() as u64 <= ROOM / 2 {
             self.spare.push(opened);
         }
     }

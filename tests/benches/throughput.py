@@ -7,6 +7,11 @@ $STILLPOINT_BENCH (target/bench by default) and removes them. Everything is read
 synced, but what `--in-place` always syncs. A ratio is that of medians; the order of the programs changes from round to
 round. `--memory` compares the peak memory of 1 GB, of 8 GB, and of 150,000 chunks; `--smoke` tries everything on little
 files and judges nothing.
+
+Bounds are on what is the work. Where a camera records, copying is the floor: nothing that copies can be further ahead of
+another program than `cp` is, and `cp` is seven times as fast as Python decoding the IMU alone. Where there is an IMU
+alone, the work is decoding and learning, which a copy or a read of it does not do; it is bounded beside programs that
+decode it or write it anew.
 """
 
 import argparse
@@ -136,18 +141,20 @@ def throughput(tools, folder, kind, options):
         print(f"{name:14}{wall:9.3f}{cpu:9.3f}{peak:8.0f}")
     wall = {name: values[0] for name, values in median.items()}
     slower = max(wall["cp"], wall["read"])
+    alone = kind == "imu"
     bounds = [
-        ("annotate / slower of cp and read", wall["annotate"] / slower, "<=", 1.2),
-        ("sidecar / read", wall["sidecar"] / wall["read"], "<=", 1.0),
+        ("annotate / slower of cp and read", wall["annotate"] / slower, "<=", None if alone else 1.2),
+        ("sidecar / read", wall["sidecar"] / wall["read"], "<=", None if alone else 1.0),
         ("pymcap-cli / annotate", wall["pymcap-cli"] / wall["annotate"], ">=", 3.0),
-        ("mcap::Writer / annotate", wall["mcap::Writer"] / wall["annotate"], ">=", 3.5),
-        ("Python mcap / annotate", wall["Python mcap"] / wall["annotate"], ">=", 30.0),
+        ("mcap::Writer / annotate", wall["mcap::Writer"] / wall["annotate"], ">=", None if alone else 3.5),
+        ("Python mcap / annotate", wall["Python mcap"] / wall["annotate"], ">=", 30.0 if alone else None),
         ("MiB of annotate", median["annotate"][2], "<=", 64.0),
     ]
     failed = []
     for what, value, sense, bound in bounds:
-        met = value <= bound if sense == "<=" else value >= bound
-        print(f"  {what:36}{value:8.2f}   {sense} {bound}{'' if met else '   NOT MET'}")
+        met = bound is None or (value <= bound if sense == "<=" else value >= bound)
+        said = f"{sense} {bound}" if bound else ""
+        print(f"  {what:36}{value:8.2f}   {said}{'' if met else '   NOT MET'}".rstrip())
         failed += [] if met else [f"{kind}: {what}: {value:.2f}, bound {bound}"]
     return failed
 
