@@ -218,6 +218,9 @@ fn duration(text: &str) -> Result<Duration, String> {
 pub struct Topics {
     /// The recording
     pub input: PathBuf,
+    /// Exit with 0 when the recording was damaged or never finished
+    #[arg(long)]
+    pub accept_damage: bool,
     #[command(flatten)]
     pub configuration: Configuration,
 }
@@ -226,6 +229,9 @@ pub struct Topics {
 pub struct Report {
     /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
     pub input: PathBuf,
+    /// Exit with 0 when the recording was damaged or never finished
+    #[arg(long)]
+    pub accept_damage: bool,
     /// Write a page: one HTML file that needs nothing else [default: a summary on the terminal]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -254,6 +260,9 @@ pub struct Man {
 pub struct Export {
     /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
     pub input: PathBuf,
+    /// Exit with 0 when the recording was damaged or never finished
+    #[arg(long)]
+    pub accept_damage: bool,
     /// What to write
     #[arg(long)]
     pub format: Format,

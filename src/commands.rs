@@ -69,6 +69,11 @@ impl Code {
     }
 }
 
+/// The code of a command whose input had so many damages.
+fn damaged(damages: u64, accepted: bool) -> Code {
+    if damages > 0 && !accepted { Code::Damaged } else { Code::Done }
+}
+
 impl From<Code> for ExitCode {
     fn from(code: Code) -> Self {
         Self::from(match code {

@@ -11,6 +11,7 @@ mod horizon;
 mod inventory;
 mod own;
 mod records;
+mod reindex;
 mod scan;
 mod shape;
 mod sidecar;

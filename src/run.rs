@@ -39,7 +39,7 @@ pub use metrics::Metrics;
 pub use news::{Ending, News, Progress, Tell};
 pub use output::Written;
 pub use partial::Partial;
-pub use read_back::findings;
+pub use read_back::{Found, findings};
 pub use recording::{Listener, Watch};
 pub use serve::serve;
 pub use stop::Stop;

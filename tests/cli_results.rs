@@ -71,6 +71,12 @@ fn damage_is_used_around_reported_and_tells_the_exit_code() {
     assert!(result["damage"]["found"][0]["offset"].as_u64().unwrap() > 0);
     assert!(result["rests"]["found"].as_u64().unwrap() >= 5);
     folder.say("annotate cut.mcap --accept-damage").ok();
+    for looking in ["topics cut.mcap", "report cut.mcap", "export cut.mcap --format json"] {
+        let run = folder.say(looking);
+        assert_eq!(run.code, 3, "{looking}: {}", run.stderr);
+        assert!(!run.stdout.is_empty() && (run.stderr + &run.stdout).contains("damaged"), "{looking}");
+        folder.say(&format!("{looking} --accept-damage")).ok();
+    }
     folder.say("strip cut.annotated.mcap -o stripped.mcap").ok();
     assert!(folder.read("stripped.mcap") == folder.read("cut.mcap"));
 

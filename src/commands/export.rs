@@ -5,7 +5,7 @@ use stillpoint::report::{self, Format, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, axes, check_free, configuration, text_of, write};
+use super::{Code, axes, check_free, configuration, damaged, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
@@ -13,15 +13,19 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     let options = options(args)?;
     check_free(args.output.as_deref(), args.force)?;
     let recording = Input::open(&args.input)?;
-    let findings = {
+    let found = {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?
     };
-    let exported = report::export(&findings, format(args.format), &options)
+    let exported = report::export(&found.imus, format(args.format), &options)
         .map_err(|error| Error::input(&args.input, error.to_string()))?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    found.damage.iter().for_each(|damage| tracing::warn!("damaged {damage}"));
+    if found.damages > 1 {
+        tracing::warn!("{} damages in all", found.damages);
+    }
     write(&exported.text, args.output.as_deref(), args.force)?;
-    Ok(Code::Done)
+    Ok(damaged(found.damages, args.accept_damage))
 }
 
 fn options(args: &cli::Export) -> Result<Options, Error> {

@@ -8,7 +8,7 @@ use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::table::Table;
-use super::{Code, check_free, configuration, import, print, print_json, summary, write};
+use super::{Code, check_free, configuration, damaged, import, print, print_json, summary, write};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -38,7 +38,7 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let plain = !console::colors_enabled();
         print(&if plain { console::strip_ansi_codes(&text).into_owned() } else { text })?;
     }
-    Ok(Code::Done)
+    Ok(damaged(stories.damages, args.accept_damage))
 }
 
 fn machine(stories: &[Story], earlier: Option<&[Findings]>) -> Value {

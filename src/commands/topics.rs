@@ -8,7 +8,7 @@ use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
 
 use super::progress::Progress;
 use super::table::Table;
-use super::{Code, configuration, print, print_json};
+use super::{Code, configuration, damaged, print, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -22,7 +22,10 @@ pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
         true => print_json(&machine(&channels))?,
         false => print(&people(&channels))?,
     }
-    Ok(Code::Done)
+    if channels.damages > 0 {
+        tracing::warn!("the recording is damaged: annotate it to see where");
+    }
+    Ok(damaged(channels.damages, args.accept_damage))
 }
 
 fn machine(channels: &Channels) -> Value {

@@ -86,6 +86,17 @@ impl Peek {
         if largest > 70.0 || rest > 0.35 { Looks::Rate(RateUnit::DegreesPerSecond) } else { Looks::Unknown }
     }
 
+    /// Whether two sensors seem to take turns: each reading is far from the one before, and near the one before that.
+    pub fn alternates(&self) -> bool {
+        let steps = |distance: usize| {
+            let pairs = self.0.iter().zip(self.0.iter().skip(distance));
+            let mut steps: Vec<_> = pairs.map(|(a, b)| (a.value - b.value).norm()).collect();
+            let middle = steps.len() / 2;
+            (steps.len() > WINDOW).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+        };
+        steps(1).zip(steps(2)).is_some_and(|(one, two)| one > 5.0 * two && one > 0.0)
+    }
+
     /// How this triad relates to another, if both have the same stamps and enough readings that differ.
     pub fn relation(&self, other: &Self) -> Option<Relation> {
         let pairs: Vec<_> = self.0.iter().filter_map(|a| other.at(a.stamp).map(|b| (a.value, b))).collect();
@@ -172,6 +183,15 @@ mod tests {
             degrees
         );
         assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), Looks::Unknown);
+    }
+
+    #[test]
+    fn two_sensors_that_take_turns_are_told_from_one_that_shakes() {
+        let turns = peek(|i| [noise(i, 1.3), if i % 2.0 < 1.0 { 0.5 } else { -0.2 } + noise(i, 2.1), G]);
+        assert!(turns.alternates());
+        assert!(!peek(|i| [noise(i, 1.3), noise(i, 2.1), G]).alternates());
+        assert!(!peek(|i| [(i * 0.1).sin(), 0.0, G]).alternates());
+        assert!(!peek(|_| [0.0, 0.0, G]).alternates() && !Peek::default().alternates());
     }
 
     #[test]

@@ -64,6 +64,11 @@ impl Opened {
         self.body.len() as u64
     }
 
+    /// The body of the chunk record.
+    pub(super) fn body(&self) -> &[u8] {
+        &self.body
+    }
+
     /// The records at a place of the content.
     pub(super) fn records(&self, place: Place, data: &Range<usize>) -> &[u8] {
         match place {
@@ -95,7 +100,8 @@ impl Content {
         let place = inflate.open(header, bytes)?;
         let survey = Survey::of(inflate.records(place, bytes))?;
         let mut index = header.index();
-        (index.start_time, index.end_time) = survey.span.unwrap_or((header.start_time, header.end_time));
+        // Without messages both are 0, whatever the header says.
+        (index.start_time, index.end_time) = survey.span.unwrap_or_default();
         Ok(Self { data, place, index, survey })
     }
 }

@@ -22,12 +22,22 @@ pub(super) struct Emitter {
     /// Of everything in front of `position`, where it is known.
     crc: Option<u32>,
     pub(super) summary: Summary,
-    /// Whether annotations go into chunks that are indexed.
-    chunked: bool,
+    manner: Manner,
     taken: Taken,
     /// Of the topics, in their order. What has been written is in the summary, too.
     channels: Vec<Channel>,
     schemas: Vec<Schema>,
+}
+
+/// How messages are written: as those of the original are, since readers that find an index look nowhere else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Manner {
+    /// Outside chunks. No chunk is indexed.
+    Loose,
+    /// In chunks without message indexes.
+    Chunks,
+    /// In chunks with message indexes.
+    Indexed,
 }
 
 /// Ids that are in use.
@@ -62,8 +72,12 @@ impl FromIterator<u16> for Ids {
 }
 
 impl Emitter {
-    pub(super) fn new(position: u64, crc: Option<u32>, summary: Summary, chunked: bool, taken: Taken) -> Self {
-        Self { position, crc, summary, chunked, taken, channels: Vec::new(), schemas: Vec::new() }
+    pub(super) fn new(position: u64, crc: Option<u32>, summary: Summary, manner: Manner, taken: Taken) -> Self {
+        Self { position, crc, summary, manner, taken, channels: Vec::new(), schemas: Vec::new() }
+    }
+
+    pub(super) fn manner(&self) -> Manner {
+        self.manner
     }
 
     pub(super) fn position(&self) -> u64 {
@@ -140,9 +154,10 @@ impl Emitter {
             self.summary.count(channel, 1);
             self.summary.cover((annotation.log_time, annotation.log_time));
         }
-        let bytes = match self.chunked && !indexes.is_empty() {
-            true => self.chunk(&records, indexes)?,
-            false => records,
+        let bytes = match self.manner {
+            Manner::Loose => records,
+            _ if indexes.is_empty() => records,
+            Manner::Chunks | Manner::Indexed => self.chunk(&records, indexes)?,
         };
         self.pass(&bytes);
         Ok(bytes)
@@ -154,7 +169,7 @@ impl Emitter {
         record(&mut out, op::DATA_END, |out| out.put_u32(self.crc.unwrap_or_default()));
         self.pass(&out);
         let mut pieces = vec![Piece::Bytes(out)];
-        pieces.extend(self.summary.write(self.position, self.chunked));
+        pieces.extend(self.summary.write(self.position, self.manner != Manner::Loose));
         pieces
     }
 
@@ -192,7 +207,8 @@ impl Emitter {
         });
         let length = out.len() as u64;
         let mut message_indexes = BTreeMap::new();
-        for (channel, mut entries) in indexes {
+        let indexes = Some(indexes).filter(|_| self.manner == Manner::Indexed);
+        for (channel, mut entries) in indexes.into_iter().flatten() {
             message_indexes.insert(channel, self.position + out.len() as u64);
             entries.sort_by_key(|&(log_time, _)| log_time);
             write_message_index(&mut out, channel, &entries);

@@ -4,8 +4,11 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::emitter::{Emitter, Taken, combine};
+use crc32fast::Hasher;
+
+use super::emitter::{Emitter, Manner, Taken, combine};
 use super::records::{AttachmentIndex, Header, MetadataIndex, write_metadata};
+use super::reindex::{self, Reindexed, Reindexing};
 use super::wire::{FRAME, Put, op};
 use super::{Block, Error, Inventory, Topic};
 
@@ -13,8 +16,12 @@ use super::{Block, Error, Inventory, Topic};
 pub(super) const METADATA: &str = "stillpoint";
 /// Its key for the length in bytes of what was copied from the original, in an annotated recording.
 pub(super) const PREFIX: &str = "prefix";
+/// Its key for the length of the message indexes behind the prefix that a recording which was cut off lacked.
+pub(super) const COMPLETED: &str = "completed";
 /// Name of the attachment that keeps what stands behind the prefix in the original.
 pub(super) const TAIL: &str = "stillpoint.tail";
+/// Name of the attachment that holds the message indexes of chunks behind which they are damaged.
+pub(super) const INDEXES: &str = "stillpoint.indexes";
 /// What our headers start with.
 pub(super) const LIBRARY: &str = "stillpoint ";
 
@@ -44,9 +51,13 @@ pub struct Tail {
 /// in this order. The first piece is the prefix of the original, in its own place: writing in place can skip it.
 ///
 /// Memory grows with the number of chunks only if nobody takes their indexes: from the [scan](super::Scan::take_indexes)
-/// first, then from the [fold](Fold::take_indexes).
+/// first, then from the [fold](Fold::take_indexes). Likewise with those chunks whose message indexes are written anew.
 pub struct Fold {
     emitter: Emitter,
+    /// What the recording knows of those that nobody took, and of how long all are together.
+    reindexing: Reindexing,
+    /// The attachment that holds message indexes, once it has begun.
+    indexes: Option<Attaching>,
 }
 
 impl Fold {
@@ -70,8 +81,14 @@ impl Fold {
         };
         let (prefix, headless) = (inventory.prefix, inventory.is_bare());
         let only = inventory.summary_only.clone();
+        let manner = match (inventory.loose, inventory.has_no_message_indexes()) {
+            (true, _) => Manner::Loose,
+            (false, true) => Manner::Chunks,
+            (false, false) => Manner::Indexed,
+        };
         let crc = inventory.prefix_crc();
-        let mut emitter = Emitter::new(prefix, crc, inventory.summary, !inventory.loose, taken);
+        let mut reindexing = std::mem::take(&mut inventory.summary.reindexing);
+        let mut emitter = Emitter::new(prefix, crc, inventory.summary, manner, taken);
         emitter.assign(topics)?;
 
         if headless {
@@ -81,10 +98,19 @@ impl Fold {
             emitter.pass(&header);
             pieces.push(Piece::Bytes(header));
         }
-        pieces.extend(attach(&mut emitter, prefix, tail));
-
         let mut settings = settings.clone();
         settings.insert(PREFIX.to_owned(), prefix.to_string());
+        if let Some(last) = reindexing.last.take_if(|last| manner == Manner::Indexed && last.end() == prefix) {
+            let mut out = Vec::new();
+            let chunk = last.complete(&mut out);
+            emitter.summary.index_now(&chunk);
+            emitter.pass(&out);
+            settings.insert(COMPLETED.to_owned(), out.len().to_string());
+            pieces.push(Piece::Bytes(out));
+        }
+        reindexing.settle();
+        pieces.extend(keep_tail(&mut emitter, prefix, tail));
+
         let mut out = Vec::new();
         write_settings(&mut emitter, &settings, &mut out);
         let start = out.len();
@@ -96,7 +122,7 @@ impl Fold {
         }
         emitter.pass(out.get(start..).unwrap_or_default());
         pieces.push(Piece::Bytes(out));
-        Ok((Self { emitter }, pieces))
+        Ok((Self { emitter, reindexing, indexes: None }, pieces))
     }
 
     /// The piece that holds a block. Topics that are new to the list come at its end.
@@ -107,44 +133,95 @@ impl Fold {
         self.emitter.block(topics, block).map(Piece::Bytes)
     }
 
+    /// The pieces that hold message indexes of chunks that [`Scan::take_reindexed`](super::Scan::take_reindexed) gave.
+    /// All of them are due behind the blocks, in their order.
+    pub fn reindex(&mut self, taken: &[u8]) -> Vec<Piece> {
+        reindex::read(taken).flat_map(|chunk| self.reindex_chunk(chunk)).collect()
+    }
+
+    fn reindex_chunk(&mut self, chunk: Reindexed) -> Vec<Piece> {
+        let emitter = &mut self.emitter;
+        if emitter.manner() != Manner::Indexed {
+            emitter.summary.index_now(&chunk.chunk);
+            return Vec::new();
+        }
+        let mut pieces = Vec::new();
+        let attachment = self.indexes.get_or_insert_with(|| {
+            let (attachment, front) = Attaching::begin(emitter, INDEXES, self.reindexing.length);
+            pieces.push(Piece::Bytes(front));
+            attachment
+        });
+        let mut out = Vec::new();
+        let index = chunk.replace(emitter.position(), &mut out);
+        emitter.summary.index_now(&index);
+        emitter.pass(&out);
+        attachment.crc.update(&out);
+        pieces.push(Piece::Bytes(out));
+        pieces
+    }
+
     /// Hands over the chunk indexes since the last time, to be given back in the place of [`Piece::Indexes`].
     pub fn take_indexes(&mut self) -> Vec<u8> {
         self.emitter.summary.take_indexes()
     }
 
     /// The last pieces: the end of the data, the merged summary, the footer.
-    pub fn close(self) -> Vec<Piece> {
-        self.emitter.close()
+    pub fn close(mut self) -> Vec<Piece> {
+        let kept = self.reindexing.take();
+        let mut pieces = self.reindex(&kept);
+        if let Some(attachment) = self.indexes {
+            let crc = attachment.crc.finalize().to_le_bytes();
+            self.emitter.pass(&crc);
+            self.emitter.summary.attachments.push(attachment.index);
+            pieces.push(Piece::Bytes(crc.to_vec()));
+        }
+        pieces.extend(self.emitter.close());
+        pieces
     }
 }
 
 /// The attachment that keeps the original's tail.
-fn attach(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
-    let until = emitter.summary.span.map_or(0, |(_, until)| until);
-    let mut index = AttachmentIndex {
-        offset: emitter.position(),
-        length: 0,
-        log_time: until,
-        create_time: until,
-        data_size: tail.length,
-        name: TAIL.to_owned(),
-        media_type: "application/octet-stream".to_owned(),
-    };
-    let mut head = Vec::new();
-    index.put_attachment(&mut head);
-    let crc = combine(crc32fast::hash(&head), tail.crc, tail.length);
-    let body = head.len() as u64 + tail.length + 4;
-    index.length = FRAME as u64 + body;
+fn keep_tail(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
+    let (Attaching { index, crc }, front) = Attaching::begin(emitter, TAIL, tail.length);
     emitter.summary.attachments.push(index);
-
-    let mut front = vec![op::ATTACHMENT];
-    front.put_u64(body);
-    front.extend(head);
-    emitter.pass(&front);
     emitter.pass_unseen(tail.length, tail.crc);
-    emitter.pass(&crc.to_le_bytes());
+    let crc = combine(crc.finalize(), tail.crc, tail.length).to_le_bytes();
+    emitter.pass(&crc);
     let kept = Piece::Original(prefix..prefix + tail.length);
-    [Piece::Bytes(front), kept, Piece::Bytes(crc.to_le_bytes().to_vec())]
+    [Piece::Bytes(front), kept, Piece::Bytes(crc.to_vec())]
+}
+
+/// An attachment of which the head has been written.
+struct Attaching {
+    index: AttachmentIndex,
+    crc: Hasher,
+}
+
+impl Attaching {
+    /// Begins an attachment of so many bytes here. What stands in front of them comes with it.
+    fn begin(emitter: &mut Emitter, name: &str, data_size: u64) -> (Self, Vec<u8>) {
+        let until = emitter.summary.span.map_or(0, |(_, until)| until);
+        let mut index = AttachmentIndex {
+            offset: emitter.position(),
+            length: 0,
+            log_time: until,
+            create_time: until,
+            data_size,
+            name: name.to_owned(),
+            media_type: "application/octet-stream".to_owned(),
+        };
+        let mut head = Vec::new();
+        index.put_attachment(&mut head);
+        let mut crc = Hasher::new();
+        crc.update(&head);
+        let body = head.len() as u64 + data_size + 4;
+        index.length = FRAME as u64 + body;
+        let mut front = vec![op::ATTACHMENT];
+        front.put_u64(body);
+        front.extend(head);
+        emitter.pass(&front);
+        (Self { index, crc }, front)
+    }
 }
 
 /// Appends the metadata record.

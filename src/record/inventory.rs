@@ -23,6 +23,8 @@ pub struct Inventory {
     pub(super) damage: u64,
     pub(super) finished: bool,
     pub(super) loose: bool,
+    /// Whether the recorder wrote a chunk with messages and no message indexes.
+    pub(super) unindexed: bool,
     /// Channels that message indexes mention: the ids of a damaged chunk are taken although its records are lost.
     pub(super) mentioned: BTreeSet<u16>,
     pub(super) summary_only: SummaryOnly,
@@ -97,6 +99,11 @@ impl Inventory {
     /// Whether the recording was cut off behind its magic.
     pub(super) fn is_bare(&self) -> bool {
         self.header.is_none() && self.prefix == mcap::MAGIC.len() as u64
+    }
+
+    /// Whether the recorder wrote chunks, but indexed no message in them.
+    pub(super) fn has_no_message_indexes(&self) -> bool {
+        self.unindexed && self.mentioned.is_empty()
     }
 
     /// Adds stand-ins for schemas and channels that are used although their records are lost: readers refuse to open a

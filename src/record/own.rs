@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use mcap::MAGIC;
 
-use super::fold::{LIBRARY, METADATA, PREFIX, TAIL};
+use super::fold::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, TAIL};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
 use super::walk::{ReadAt, Walk};
 use super::wire::{FRAME, Fields, op};
@@ -180,9 +180,12 @@ impl Traces {
                 false => edited("the original's tail is missing"),
             };
         };
-        let prefix = settings.remove(PREFIX).and_then(|prefix| prefix.parse::<u64>().ok());
-        // In front of the tail stands the prefix, or a header of ours where the original was cut off behind its magic.
-        let Some(prefix) = prefix.filter(|&prefix| prefix == kept.offset || prefix == MAGIC.len() as u64) else {
+        let mut length = |key| settings.remove(key).and_then(|length| length.parse::<u64>().ok());
+        let (prefix, completed) = (length(PREFIX), length(COMPLETED).unwrap_or_default());
+        // In front of the tail stands the prefix with what completes its last chunk, or a header of ours where the
+        // original was cut off behind its magic.
+        let stands = |prefix: u64| prefix.checked_add(completed) == Some(kept.offset) || prefix == MAGIC.len() as u64;
+        let Some(prefix) = prefix.filter(|&prefix| stands(prefix)) else {
             return edited("the original's bytes are not where they were");
         };
         let tail_end = kept.offset.saturating_add(kept.length);
@@ -209,6 +212,9 @@ impl Traces {
                 op::SCHEMA | op::CHANNEL | op::CHUNK | op::MESSAGE_INDEX => true,
                 op::MESSAGE => {
                     Fields(walk.body(file, frame, 2)?).u16().is_some_and(|channel| self.ours.contains(&channel))
+                }
+                op::ATTACHMENT => {
+                    self.attachments.iter().any(|entry| entry.offset == frame.offset && entry.name == INDEXES)
                 }
                 _ => false,
             };

@@ -2,8 +2,10 @@
 //! What the messages mean is left to [`imu`](crate::imu), reading files and waiting for more to the shell.
 
 mod bounds;
+mod data_crc;
 mod data_section;
 mod guide;
+mod reindexing;
 mod search;
 mod summary_section;
 
@@ -15,8 +17,10 @@ use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
 use self::bounds::Bounds;
+use self::data_crc::DataCrc;
 use self::data_section::{Attaching, OpenChunk, Telling};
 use self::guide::{Asking, Guide};
+use self::reindexing::Reindexing;
 use self::search::Search;
 use self::summary_section::SummarySection;
 use super::chunk::{Inflate, Opened};
@@ -78,6 +82,7 @@ pub struct Scan {
     offering: bool,
     supply: Option<Supply>,
     spent: Option<Opened>,
+    data_crc: DataCrc,
 }
 
 /// What becomes of a chunk that a scan [offers](Scan::offering_chunks).
@@ -140,6 +145,7 @@ pub struct Position {
     orphans: bool,
     lengths: BTreeMap<u16, (u64, u64)>,
     trusted: Option<u64>,
+    data_crc: Option<u32>,
 }
 
 impl Position {
@@ -194,6 +200,7 @@ enum Stage {
     Telling(Telling),
     Attaching(Attaching),
     Asking(Box<Asking>),
+    Reindexing(Box<Reindexing>),
     Searching(Search),
     EndMagic,
     Done,
@@ -215,9 +222,9 @@ impl Scan {
 
     /// A scan of a recording that may grow, from where another one stood. Its length is 0 as with [`Scan::new`].
     pub fn resume(position: Position) -> Self {
-        let Position { offset, inventory, chunk, orphans, lengths, trusted } = position;
-        let stage = Stage::Record;
-        let mut scan = Self { inventory, chunk, orphans, lengths, trusted, stage, ..Self::default() };
+        let Position { offset, inventory, chunk, orphans, lengths, trusted, data_crc } = position;
+        let (stage, data_crc) = (Stage::Record, DataCrc::resume(data_crc));
+        let mut scan = Self { inventory, chunk, orphans, lengths, trusted, stage, data_crc, ..Self::default() };
         scan.horizon.skip(offset);
         scan
     }
@@ -232,6 +239,7 @@ impl Scan {
             orphans: self.orphans,
             lengths: self.lengths.clone(),
             trusted: self.trusted,
+            data_crc: self.data_crc.value(),
         })
     }
 
@@ -277,6 +285,12 @@ impl Scan {
     /// them back in the place of [`Piece::Indexes`](super::Piece::Indexes).
     pub fn take_indexes(&mut self) -> Vec<u8> {
         self.inventory.summary.take_indexes()
+    }
+
+    /// Hands over what was found since the last time of chunks whose message indexes are damaged or missing, likewise; a
+    /// fold wants it back by [`Fold::reindex`](super::Fold::reindex).
+    pub fn take_reindexed(&mut self) -> Vec<u8> {
+        self.inventory.summary.reindexing.take()
     }
 
     /// What was found so far; complete after [`Event::End`].
@@ -326,13 +340,15 @@ impl Scan {
                     if telling.advance(&self.inflate, &self.horizon) {
                         return Ok(Step::Message);
                     }
-                    self.spent = telling.opened.take();
-                    let frame = telling.frame;
+                    let (frame, opened) = (telling.frame, telling.opened.take());
                     self.queue.extend(telling.ends.then_some(Step::ChunkEnd));
-                    self.pass(frame);
+                    match opened {
+                        Some(opened) => self.pass_opened(frame, opened),
+                        None => self.pass(frame),
+                    }
                     Ok(())
                 }
-                Stage::Attaching(attaching) => match attaching.hash(&mut self.horizon) {
+                Stage::Attaching(attaching) => match attaching.hash(&mut self.horizon, &mut self.data_crc) {
                     Ok(()) => {
                         self.attached();
                         Ok(())
@@ -340,6 +356,7 @@ impl Scan {
                     Err(stop) => Err(stop),
                 },
                 Stage::Asking(_) => self.answer(),
+                Stage::Reindexing(_) => self.reindex(),
                 Stage::Searching(_) => self.search(),
                 Stage::EndMagic => self.end_magic(),
                 Stage::Done => return Ok(Step::End),
@@ -365,7 +382,8 @@ impl Scan {
     fn magic(&mut self) -> Result<Result<(), Stop>, Error> {
         match self.horizon.peek(MAGIC.len()) {
             Ok(found) if found == MAGIC => {
-                self.horizon.skip(MAGIC.len() as u64);
+                self.data_crc.begin();
+                self.consume(MAGIC.len() as u64);
                 self.inventory.prefix = MAGIC.len() as u64;
                 self.stage = Stage::Record;
                 Ok(Ok(()))
@@ -383,7 +401,11 @@ impl Scan {
             frame => frame?,
         };
         let bounds = self.bounds(frame)?;
-        if self.is_index_in_disguise(frame)? {
+        let is_in_disguise = self.is_index_in_disguise(frame)?;
+        if let Some(chunk) = &mut self.chunk {
+            chunk.followed |= is_in_disguise || frame.opcode == op::MESSAGE_INDEX;
+        }
+        if is_in_disguise {
             self.reject(frame, "a message index whose opcode is wrong");
             self.pass(frame);
             return Ok(());
@@ -393,8 +415,8 @@ impl Scan {
             // It may become a record yet, even one that belongs to the chunk before.
             return Err(Stop::Wait);
         }
-        if frame.opcode != op::MESSAGE_INDEX {
-            self.close_chunk();
+        if frame.opcode != op::MESSAGE_INDEX && self.close_chunk(matches!(bounds, Bounds::Sound).then_some(frame)) {
+            return Ok(());
         }
         match bounds {
             Bounds::Sound if self.summary.begun => self.summary_record(frame),
@@ -435,7 +457,7 @@ impl Scan {
 
     /// Goes on behind a record; all that is whole in front of DataEnd is prefix.
     fn pass(&mut self, frame: Frame) {
-        self.horizon.skip(frame.end() - self.horizon.offset());
+        self.consume(frame.end() - self.horizon.offset());
         if !self.summary.begun {
             self.inventory.prefix = frame.end();
         }
@@ -444,7 +466,13 @@ impl Scan {
 
     fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
         self.inventory.damage += 1;
-        self.queue.push_back(Step::Damage(Damage { offset, length, what: what.into() }));
+        let mut what = what.into();
+        if offset == MAGIC.len() as u64 && offset + length < self.horizon.extent().length {
+            what.push_str(
+                " (in the place of the header: who insists on one, as Foxglove does, opens no copy of this either)",
+            );
+        }
+        self.queue.push_back(Step::Damage(Damage { offset, length, what }));
     }
 
     /// A record is damaged, but its framing is sound.
@@ -454,7 +482,9 @@ impl Scan {
 
     /// Nothing can be read from here on.
     fn end(&mut self, what: impl Into<String>) {
-        self.close_chunk();
+        if self.close_chunk(None) {
+            return;
+        }
         self.accept_summary();
         let offset = self.horizon.offset();
         self.damage(offset, self.horizon.extent().length.saturating_sub(offset), what);

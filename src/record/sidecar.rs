@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
-use super::emitter::{Emitter, Taken};
+use super::emitter::{Emitter, Manner, Taken};
 use super::fold::{library, write_settings};
 use super::records::Header;
 use super::summary::Summary;
@@ -26,7 +26,7 @@ impl Sidecar {
     pub fn open(profile: &str, settings: &BTreeMap<String, String>) -> (Self, Vec<u8>) {
         let mut out = MAGIC.to_vec();
         Header { profile: profile.to_owned(), library: library() }.write(&mut out);
-        let mut emitter = Emitter::new(0, Some(0), Summary::default(), true, Taken::default());
+        let mut emitter = Emitter::new(0, Some(0), Summary::default(), Manner::Indexed, Taken::default());
         emitter.pass(&out);
         write_settings(&mut emitter, settings, &mut out);
         (Self { emitter }, out)

@@ -9,6 +9,7 @@ use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
 use super::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
+use super::reindex::{Reindexed, Reindexing};
 use super::wire::{Put, op, record};
 use super::{Channel, Piece, Schema};
 
@@ -23,6 +24,8 @@ pub(super) struct Summary {
     pub(super) span: Option<(u64, u64)>,
     pub(super) chunks: u32,
     indexes: Indexes,
+    /// Chunks that are not indexed yet, because their message indexes must be written anew.
+    pub(super) reindexing: Reindexing,
     /// Where the last chunk with messages of a channel is, by its message indexes.
     pub(super) last_chunks: BTreeMap<u16, u64>,
     pub(super) attachments: Vec<AttachmentIndex>,
@@ -47,11 +50,24 @@ impl Summary {
 
     /// Notes a chunk.
     pub(super) fn index(&mut self, chunk: &ChunkIndex) {
-        self.chunks += 1;
+        self.hold(chunk.offset, chunk.message_indexes.keys());
         chunk.write(&mut self.indexes.kept);
-        for &channel in chunk.message_indexes.keys() {
-            self.last_chunks.insert(channel, chunk.offset);
-        }
+    }
+
+    /// Notes a chunk that is to be indexed once its message indexes have a place.
+    pub(super) fn index_later(&mut self, chunk: Reindexed) {
+        self.hold(chunk.chunk.offset, chunk.records.keys());
+        self.reindexing.push(chunk);
+    }
+
+    /// Indexes a chunk that was noted.
+    pub(super) fn index_now(&mut self, chunk: &ChunkIndex) {
+        chunk.write(&mut self.indexes.kept);
+    }
+
+    fn hold<'a>(&mut self, chunk: u64, channels: impl Iterator<Item = &'a u16>) {
+        self.chunks += 1;
+        self.last_chunks.extend(channels.map(|&channel| (channel, chunk)));
     }
 
     /// Hands over the indexes noted since the last time.

@@ -207,11 +207,14 @@ pub(super) struct Kept {
     blocks: Spill,
     /// The chunk indexes.
     indexes: Spill,
+    /// Chunks whose message indexes are damaged.
+    reindexed: Spill,
 }
 
 impl Kept {
     pub(super) fn beside(output: &Path) -> Self {
-        Self { blocks: Spill::beside(output), indexes: Spill::beside(output) }
+        let spill = || Spill::beside(output);
+        Self { blocks: spill(), indexes: spill(), reindexed: spill() }
     }
 
     pub(super) fn indexes(&mut self, indexes: &[u8]) -> Result<(), Error> {
@@ -256,8 +259,14 @@ impl Listener for Listening<'_, '_> {
         self.keep()
     }
 
-    fn indexes(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.kept.as_mut().map_or(Ok(()), |kept| kept.indexes.push(bytes))
+    fn indexes(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
+        let Some(kept) = &mut self.kept else { return Ok(()) };
+        kept.indexes.push(chunks)?;
+        if reindexed.is_empty() { Ok(()) } else { kept.reindexed.push_item(reindexed) }
+    }
+
+    fn verifies(&self) -> bool {
+        self.verify
     }
 
     fn is_useless(&self, channels: &[u16]) -> bool {
@@ -392,6 +401,12 @@ fn write_annotated(
     while let Some(block) = next_block(&mut kept.blocks)? {
         watch(recording.length())?;
         output.put(&fold.block(topics, &block).map_err(refused)?, recording)?;
+        kept.indexes.push(&fold.take_indexes())?;
+    }
+    kept.reindexed.rewind()?;
+    while let Some(taken) = kept.reindexed.next_item()? {
+        watch(recording.length())?;
+        fold.reindex(&taken).iter().try_for_each(|piece| output.put(piece, recording))?;
         kept.indexes.push(&fold.take_indexes())?;
     }
     output.close(fold.close(), kept.indexes, recording)

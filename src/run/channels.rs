@@ -20,6 +20,8 @@ pub struct Channels {
     pub notes: Vec<String>,
     /// From the first to the last message, in seconds.
     pub seconds: f64,
+    /// How many damages were met. A long recording is not read to its end.
+    pub damages: u64,
 }
 
 /// One channel.
@@ -51,6 +53,7 @@ impl Channels {
         }
         self.channels.sort_by(|a, b| (&a.channel.topic, a.channel.id).cmp(&(&b.channel.topic, b.channel.id)));
         self.notes.retain(|note| next.notes.contains(note));
+        self.damages += next.damages;
         self
     }
 
@@ -120,7 +123,7 @@ fn look_through(
     watch: Watch<'_>,
     whole: u64,
 ) -> Result<(Channels, Span), Error> {
-    let mut look = Look::new(config);
+    let (mut look, mut damages) = (Look::new(config), 0);
     let glance = if recording.length() > whole { Glance::at(recording)? } else { None };
     let (counts, span) = match glance {
         Some(glance) => {
@@ -137,6 +140,7 @@ fn look_through(
                 look.take(event);
                 Ok(())
             })?;
+            damages = inventory.damage();
             let ids = inventory.channels().keys();
             (ids.map(|&id| (id, inventory.messages(id))).collect(), inventory.span())
         }
@@ -144,7 +148,7 @@ fn look_through(
     let mut channels = look.uses(&counts);
     peek(recording, config, watch, &mut channels)?;
     let notes = super::learn::missing(&look.intake);
-    Ok((Channels { channels, notes, seconds: seconds(span) }, span))
+    Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
 
 /// Reads a recording from its start until `each` has seen enough, but not far.
@@ -274,6 +278,10 @@ fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, 
     let name = if *sensor == Sensor::Gyroscope { "gyroscope" } else { "accelerometer" };
     let offered = used.configuration.is_some();
     let says = |text: String| format!("{name}: {text}");
+    if peek.alternates() {
+        let turns = "each reading is far from the one before and near the one before that: two sensors take turns; give them topics, or frame_ids, of their own";
+        used.remarks.push(says(turns.to_owned()));
+    }
     let remark = match peek.looks(*sensor) {
         Looks::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
         Looks::Right => return,
@@ -315,8 +323,10 @@ fn set_unit(used: &mut Use, config: &Config, change: impl FnOnce(&mut ImuConfig)
 /// Says which of two topics of one sensor to use.
 fn remark_on_twins(one: &str, other: &str, relation: Relation, channels: &mut [Use]) {
     let is_raw = |topic: &str| topic.to_lowercase().contains("raw");
-    let (raw, twin) = if is_raw(other) && !is_raw(one) { (other, one) } else { (one, other) };
-    let known = is_raw(raw) && !is_raw(twin);
+    let is_corrected = |topic: &str| ["correct", "calib"].iter().any(|word| topic.to_lowercase().contains(word));
+    let corrects = |twin: &str, raw: &str| is_raw(raw) && !is_raw(twin) || is_corrected(twin) && !is_corrected(raw);
+    let (raw, twin) = if corrects(one, other) { (other, one) } else { (one, other) };
+    let known = corrects(twin, raw) && !corrects(raw, twin);
     let (of_raw, of_twin) = match (relation, known) {
         (Relation::Same, true) => (
             format!("{twin} repeats it, value for value: use this one"),

@@ -9,24 +9,38 @@ use crate::Error;
 use crate::annotate;
 use crate::config::Config;
 use crate::engine;
-use crate::record::Event;
+use crate::record::{Damage, Event};
 use crate::report::Findings;
 
-/// What is known of the IMUs of a recording or sidecar.
+/// What is known of a recording or sidecar.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// Its IMUs.
+    pub imus: Vec<Findings>,
+    /// The first thing that is wrong with it.
+    pub damage: Option<Damage>,
+    /// How many damages there are.
+    pub damages: u64,
+}
+
+/// Reads what is known of the IMUs of a recording or sidecar.
 ///
 /// # Errors
 ///
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
-pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
-    let read = read_annotations(input, watch)?;
-    if read.is_empty() { Ok(calibrate(input, config, watch)?.imus) } else { Ok(read) }
+pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Found, Error> {
+    let mut found = read_annotations(input, watch)?;
+    if found.imus.is_empty() {
+        found.imus = calibrate(input, config, watch)?.imus;
+    }
+    Ok(found)
 }
 
-fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Vec<Findings>, Error> {
+fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Found, Error> {
     let mut schemas = BTreeMap::new();
     let mut channels = BTreeMap::new();
     let mut types = BTreeMap::new();
-    let mut imus = Vec::<Findings>::new();
+    let Found { mut imus, mut damage, mut damages } = Found::default();
     input.scan(watch, |read| {
         match read {
             Read::Event(Event::Schema(schema)) => {
@@ -51,6 +65,10 @@ fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Vec<Findings>, Er
                     imu.note(&engine::Event { log_time: message.log_time, message: said });
                 }
             }
+            Read::Event(Event::Damage(found)) => {
+                damages += 1;
+                damage.get_or_insert(found);
+            }
             Read::Event(_) => {}
             Read::SplitEnd => {
                 schemas.clear();
@@ -64,5 +82,5 @@ fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Vec<Findings>, Er
         imu.topic = accelerometer.map_or_else(|| imu.name.clone(), |triad| triad.topic.clone());
         imu.source_type = types.get(&imu.topic).cloned().unwrap_or_default();
     }
-    Ok(imus)
+    Ok(Found { imus, damage, damages })
 }

@@ -253,6 +253,9 @@ impl Recording {
     ) -> Result<Inventory, Error> {
         let length = self.length();
         let mut scan = Scan::finished(length).offering_chunks();
+        if listener.verifies() {
+            scan = scan.verifying();
+        }
         // Between chunks there is little to read, elsewhere much.
         let mut block = LEAST;
         loop {
@@ -266,13 +269,13 @@ impl Recording {
                 }
                 Event::Chunk { offset, length } => {
                     watch(offset)?;
-                    listener.indexes(&scan.take_indexes())?;
+                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
                     scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
                     scan.supply(ahead.supply(offset, length, |channels| listener.is_useless(channels))?);
                     block = LEAST;
                 }
                 Event::Wait | Event::End => {
-                    listener.indexes(&scan.take_indexes())?;
+                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
                     return Ok(scan.into_inventory());
                 }
                 event => listener.event(event)?,
@@ -290,13 +293,18 @@ pub trait Listener {
     /// Anything, to give the work up.
     fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
 
-    /// Takes chunk indexes, which a fold will want back.
+    /// Takes chunk indexes, and chunks whose message indexes are damaged. A fold will want both back.
     ///
     /// # Errors
     ///
     /// Anything, to give the work up.
-    fn indexes(&mut self, _bytes: &[u8]) -> Result<(), Error> {
+    fn indexes(&mut self, _chunks: &[u8], _reindexed: &[u8]) -> Result<(), Error> {
         Ok(())
+    }
+
+    /// Whether all of the recording is to be checked; then no chunk must be useless.
+    fn verifies(&self) -> bool {
+        false
     }
 
     /// Whether chunks with messages on these channels alone need not be read. Must not depend on chance.

@@ -25,6 +25,8 @@ pub struct Stories {
     pub settings: String,
     /// What was missed or wrong, one line each.
     pub notes: Vec<String>,
+    /// How many damages there are.
+    pub damages: u64,
 }
 
 /// Reads a recording, annotated or not, or a sidecar.
@@ -75,7 +77,7 @@ pub fn stories(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Stori
     if damages > 1 {
         notes.push(format!("{damages} damages in all"));
     }
-    Ok(Stories { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes })
+    Ok(Stories { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes, damages })
 }
 
 struct Teller {

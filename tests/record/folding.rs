@@ -1,7 +1,9 @@
 use std::collections::BTreeMap;
+use std::io::Cursor;
 
+use mcap::WriteOptions;
 use mcap::read::{ChunkFlattener, Options, Summary};
-use mcap::records::Record;
+use mcap::records::{ChunkIndex, MessageHeader, Record};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use proptest::prelude::*;
 use stillpoint::record::{Annotation, Block, Error, Event, Fold, Piece, Scan, Sidecar, Tail, Topic};
@@ -231,5 +233,60 @@ fn beside_messages_outside_chunks_no_chunk_is_indexed() {
     let summary = Summary::read(&out).unwrap().unwrap();
     let statistics = summary.stats.unwrap();
     assert_eq!((summary.chunk_indexes.len(), statistics.chunk_count, statistics.message_count), (0, 1, 7));
+    assert_eq!(all_messages(&out), expected_messages(&file));
+}
+
+#[test]
+fn what_the_end_of_a_recording_lacks_of_message_indexes_stands_behind_its_last_chunk() {
+    let file = Recipe { summary: false, attachments: vec![], metadata: 0, private: false, ..Recipe::plain() }.write();
+    // The last chunk and the indexes of its three channels, each of which may be the last that is whole.
+    let last = file.windows(9).rposition(|bytes| bytes[0] == 7 && bytes[3..] == [0; 6]).unwrap();
+    for cut in [last, last + 20] {
+        let out = fold(&file[..cut], &topics(), &blocks());
+        read_with_all_crcs(&out);
+        for index in &Summary::read(&out).unwrap().unwrap().chunk_indexes {
+            let behind = index.chunk_start_offset + index.chunk_length;
+            let first = *index.message_index_offsets.values().min().unwrap();
+            assert_eq!(first, behind, "cut at {cut}");
+        }
+        assert!(!out.windows(18).any(|bytes| bytes == b"stillpoint.indexes"));
+    }
+}
+
+#[test]
+fn message_indexes_that_are_damaged_are_written_anew_elsewhere() {
+    let mut file = Recipe::plain().write();
+    let index = file.windows(9).position(|bytes| bytes[0] == 7 && bytes[3..] == [0; 6]).unwrap();
+    file[index + 20] ^= 1;
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let summary = Summary::read(&out).unwrap().unwrap();
+    let behind = |index: &&ChunkIndex| {
+        let first = index.message_index_offsets.values().min();
+        first.is_none_or(|&first| first == index.chunk_start_offset + index.chunk_length)
+    };
+    assert_eq!(summary.chunk_indexes.iter().filter(|index| !behind(index)).count(), 1);
+    assert_eq!(summary.attachment_indexes.len(), 3);
+    assert_eq!(scan(&out).1.damage(), scan(&file).1.damage(), "the attachment is no damage");
+}
+
+#[test]
+fn where_the_recorder_wrote_no_message_indexes_annotations_have_none() {
+    // rosbag2 reads a recording without any in the order of the file, and one with some by these alone.
+    let options = WriteOptions::new().emit_message_indexes(false).chunk_size(Some(400));
+    let mut out = Cursor::new(Vec::new());
+    let mut writer = options.create(&mut out).unwrap();
+    let channel = writer.add_channel(0, "/a", "cdr", &BTreeMap::new()).unwrap();
+    for n in 0..40 {
+        let header = MessageHeader { channel_id: channel, sequence: 0, log_time: n, publish_time: n };
+        writer.write_to_known_channel(&header, &[0; 50]).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let file = out.into_inner();
+    let out = fold(&file, &topics(), &blocks());
+    read_with_all_crcs(&out);
+    let indexes = Summary::read(&out).unwrap().unwrap().chunk_indexes;
+    assert!(indexes.len() > 3 && indexes.iter().all(|index| index.message_index_length == 0));
     assert_eq!(all_messages(&out), expected_messages(&file));
 }

@@ -9,8 +9,15 @@ use crate::drive::{Told, blocks, fold, fold_scanned, scan, topics};
 use crate::recordings::{Recipe, mistreated, recipes, shared};
 
 /// Scans with `supply` saying what becomes of each chunk.
-fn offer(file: &[u8], mut supply: impl FnMut(&mut Scan, u64, u64, &[Told]) -> Supply) -> (Vec<Told>, Inventory) {
-    let mut scan = Scan::finished(file.len() as u64).offering_chunks();
+fn offer(file: &[u8], supply: impl FnMut(&mut Scan, u64, u64, &[Told]) -> Supply) -> (Vec<Told>, Inventory) {
+    offer_to(Scan::finished(file.len() as u64).offering_chunks(), file, supply)
+}
+
+fn offer_to(
+    mut scan: Scan,
+    file: &[u8],
+    mut supply: impl FnMut(&mut Scan, u64, u64, &[Told]) -> Supply,
+) -> (Vec<Told>, Inventory) {
     let mut told = Vec::new();
     loop {
         match scan.next_event().unwrap() {
@@ -26,6 +33,15 @@ fn offer(file: &[u8], mut supply: impl FnMut(&mut Scan, u64, u64, &[Told]) -> Su
             event => told.push(Told::of(event)),
         }
     }
+}
+
+/// Opens a chunk elsewhere, in the memory of another one.
+fn open(file: &[u8], spent: Option<Opened>, offset: u64, length: u64) -> Supply {
+    let mut opened = spent.unwrap_or_default();
+    let start = offset as usize + 9;
+    opened.room(length as usize).copy_from_slice(&file[start..start + length as usize]);
+    Opener::default().open(&mut opened);
+    Supply::Opened(opened)
 }
 
 /// The chunks that are found by framing alone.
@@ -54,17 +70,13 @@ fn pass_over(file: &[u8]) -> (Vec<Told>, Inventory, usize) {
 proptest! {
     #[test]
     fn chunks_opened_elsewhere_say_the_same(file in mistreated(), absent in any::<u8>()) {
-        let (mut opener, mut spare, mut n) = (Opener::default(), Opened::default(), 0);
+        let mut n = 0;
         let (told, inventory) = offer(&file, |scan, offset, length, _| {
             n += 1;
             if absent >> (n % 8) & 1 == 1 {
                 return Supply::Absent;
             }
-            let mut opened = scan.spent().unwrap_or_else(|| std::mem::take(&mut spare));
-            let start = offset as usize + 9;
-            opened.room(length as usize).copy_from_slice(&file[start..start + length as usize]);
-            opener.open(&mut opened);
-            Supply::Opened(opened)
+            open(&file, scan.spent(), offset, length)
         });
         let (expected, found) = scan(&file);
         prop_assert_eq!(told, expected);
@@ -114,4 +126,20 @@ fn an_index_that_may_be_damaged_gets_its_chunk_read() {
     assert_eq!(file[index], 0x07, "a message index stands behind the chunk");
     file[index] ^= 0x40;
     assert_eq!(chunks(&file).values().last().unwrap().channels, None);
+}
+
+#[test]
+fn on_demand_the_crc_of_all_data_is_checked() {
+    let sound = Recipe { private: false, ..Recipe::plain() }.write();
+    let damage = |file: &[u8], verifying: bool| {
+        let scan = Scan::finished(file.len() as u64).offering_chunks();
+        let scan = if verifying { scan.verifying() } else { scan };
+        let (_, inventory) = offer_to(scan, file, |scan, offset, length, _| open(file, scan.spent(), offset, length));
+        inventory.damage()
+    };
+    assert_eq!(damage(&sound, true), 0);
+    // The name of a metadata record, which has no CRC of its own.
+    let mut damaged = sound.clone();
+    damaged[sound.windows(5).position(|bytes| bytes == b"robot").unwrap()] ^= 1;
+    assert_eq!((damage(&damaged, false), damage(&damaged, true)), (0, 1));
 }

@@ -6,6 +6,8 @@ use std::ops::Range;
 use crc32fast::Hasher;
 use serde::{Deserialize, Serialize};
 
+use super::data_crc::DataCrc;
+use super::reindexing::Reindexing;
 use super::search::HEAD;
 use super::{Scan, Stage, Step, Supply, within};
 use crate::record::Message;
@@ -42,6 +44,8 @@ pub(super) struct OpenChunk {
     tallies: Option<BTreeMap<u16, Tally>>,
     /// First and last log time by the indexes of a chunk that is not read.
     span: Option<(u64, u64)>,
+    /// Whether something that may have been a message index stood behind it, in order or not.
+    pub(super) followed: bool,
 }
 
 impl OpenChunk {
@@ -99,12 +103,13 @@ pub(super) struct Attaching {
 
 impl Attaching {
     /// Takes what is buffered, until all attached bytes have been seen and the stored CRC is buffered.
-    pub(super) fn hash(&mut self, horizon: &mut Horizon) -> Result<(), Stop> {
+    pub(super) fn hash(&mut self, horizon: &mut Horizon, data: &mut DataCrc) -> Result<(), Stop> {
         while self.left > 0 {
             horizon.peek(1)?;
             let buffered = horizon.buffered();
             let taken = buffered.get(..self.left.min(buffered.len() as u64) as usize).unwrap_or_default();
             self.crc.update(taken);
+            data.update(Some(taken));
             let taken = taken.len() as u64;
             self.left -= taken;
             horizon.skip(taken);
@@ -131,7 +136,9 @@ impl Scan {
             op::MESSAGE_INDEX => self.message_index_record(frame)?,
             op::METADATA => self.metadata_record(frame)?,
             op::DATA_END => {
-                self.inventory.data_crc = Some(Fields(self.horizon.body(frame, 4)?).u32().unwrap_or_default());
+                let stored = Fields(self.horizon.body(frame, 4)?).u32().unwrap_or_default();
+                self.check_data_crc(frame, stored);
+                self.inventory.data_crc = Some(stored);
                 self.summary.begun = true;
             }
             op::FOOTER => {
@@ -239,6 +246,7 @@ impl Scan {
     }
 
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        self.data_crc.chunk();
         let (opened, content) = match self.supply.take() {
             None if self.offering => {
                 self.stage = Stage::Offering(frame);
@@ -258,7 +266,7 @@ impl Scan {
                 index.length = frame.end() - frame.offset;
                 let tallies = Some(survey.tallies.clone());
                 self.admit(frame, survey);
-                self.chunk = Some(OpenChunk { index, tallies, span: None });
+                self.chunk = Some(OpenChunk { index, tallies, span: None, followed: false });
                 self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
@@ -272,7 +280,7 @@ impl Scan {
         Ok(())
     }
 
-    fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
+    pub(super) fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
         let body = self.horizon.body(frame, HEAD)?;
         let data = match locate(body, frame.length) {
             Ok((_, data)) => FRAME + data.start..FRAME + data.end,
@@ -293,7 +301,7 @@ impl Scan {
         match locate(head, frame.length).map(|(header, _)| header.index()) {
             Ok(index) => {
                 let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
-                self.chunk = Some(OpenChunk { index, tallies: None, span: None });
+                self.chunk = Some(OpenChunk { index, tallies: None, span: None, followed: false });
                 self.queue.push_back(Step::ChunkEnd);
             }
             Err(what) => {
@@ -340,7 +348,7 @@ impl Scan {
         };
         self.inventory.mentioned.insert(channel);
         match &mut self.chunk {
-            Some(OpenChunk { index, tallies, span }) if agrees => {
+            Some(OpenChunk { index, tallies, span, .. }) if agrees => {
                 if tallies.is_none() && !index.message_indexes.contains_key(&channel) {
                     let (count, times) = extent(body);
                     *span = span.iter().chain(&times).copied().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
@@ -364,22 +372,32 @@ impl Scan {
         Ok(())
     }
 
-    /// Whether what looks like a message is a message index, which differs in one bit.
+    /// Whether what looks like something else is a message index, of which the opcode alone is damaged.
     pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
-        match &self.chunk {
-            Some(chunk) if frame.opcode == op::MESSAGE && frame.length <= LIMIT => {
-                Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?))
-            }
-            _ => Ok(false),
+        let Some(chunk) = &self.chunk else { return Ok(false) };
+        if frame.opcode == op::MESSAGE_INDEX || !(6..=LIMIT).contains(&frame.length) {
+            return Ok(false);
+        }
+        match measure(op::MESSAGE_INDEX, self.horizon.body(frame, 6)?) == Measure::Says(frame.length) {
+            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?)),
+            false => Ok(false),
         }
     }
 
-    /// All message indexes of the last chunk have been seen.
-    pub(super) fn close_chunk(&mut self) {
-        if let Some(OpenChunk { mut index, span, .. }) = self.chunk.take() {
-            (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
-            self.inventory.summary.index(&index);
+    /// All message indexes of the last chunk have been seen, and this record follows, if it is known. Whether the chunk
+    /// must be looked at again before going on: behind damaged or missing indexes, or a recording's end.
+    pub(super) fn close_chunk(&mut self, next: Option<Frame>) -> bool {
+        let Some(OpenChunk { mut index, tallies, span, followed }) = self.chunk.take() else { return false };
+        (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
+        let is_missing = |channel| !index.message_indexes.contains_key(channel);
+        let is_incomplete = tallies.iter().flat_map(BTreeMap::keys).any(is_missing);
+        let by_choice = !followed && next.is_some_and(|next| is_usual_behind_chunk(next.opcode));
+        self.inventory.unindexed |= is_incomplete && by_choice;
+        match is_incomplete && !by_choice {
+            true => self.stage = Stage::Reindexing(Box::new(Reindexing::of(index, self.horizon.offset()))),
+            false => self.inventory.summary.index(&index),
         }
+        is_incomplete && !by_choice
     }
 
     fn metadata_record(&mut self, frame: Frame) -> Result<(), Stop> {
@@ -403,7 +421,7 @@ impl Scan {
             Some(index) => {
                 let mut crc = Hasher::new();
                 crc.update(head.get(..size).unwrap_or_default());
-                self.horizon.skip((FRAME + size) as u64);
+                self.consume((FRAME + size) as u64);
                 let left = index.data_size;
                 self.stage = Stage::Attaching(Attaching { frame, index, crc, left });
             }
@@ -426,6 +444,11 @@ impl Scan {
         }
         self.pass(frame);
     }
+}
+
+/// Whether a record of this opcode stands behind a chunk where a recorder writes no message indexes.
+fn is_usual_behind_chunk(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END)
 }
 
 /// How many messages a message index names, and their first and last log time.

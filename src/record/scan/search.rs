@@ -76,7 +76,9 @@ impl Scan {
         if self.guide.is_none() {
             return self.ask();
         }
-        self.close_chunk();
+        if self.close_chunk(None) {
+            return Ok(());
+        }
         self.orphans = true;
         let length = self.horizon.extent().length;
         search.tries.retain(|&offset| offset <= length);

@@ -91,12 +91,18 @@ impl Metadata {
         let listed: Vec<_> = topics.iter().map(name).collect();
         let version = info["version"].as_u64().unwrap_or_default();
         let new = own.iter().filter(|topic| !listed.contains(&topic.name));
-        topics.extend(new.map(|topic| {
-            json!({
-                "topic_metadata": describe_topic(topic, version),
-                "message_count": count(&topic.name),
-            })
-        }));
+        let described = |topic: &Topic| {
+            let mut described = describe_topic(topic, version);
+            // Who subscribes to the source subscribes to what is corrected.
+            let source = topic.name.strip_suffix("/stillpoint/corrected");
+            let source = source.and_then(|source| topics.iter().find(|listed| name(listed) == source));
+            if let Some(offered) = source.and_then(|source| source["topic_metadata"].get("offered_qos_profiles")) {
+                described["offered_qos_profiles"] = offered.clone();
+            }
+            json!({"topic_metadata": described, "message_count": count(&topic.name)})
+        };
+        let new: Vec<_> = new.map(described).collect();
+        topics.extend(new);
         info["topics_with_message_count"] = Value::Array(topics);
         yaml::document(&json!({ ROOT: info }))
     }
@@ -205,7 +211,8 @@ rosbag2_bagfile_information:
             message_encoding: "cdr".into(),
             metadata: BTreeMap::new(),
         };
-        let written = metadata.annotated(&[Contents { span: Some((7, 20)), counts }], &[own]);
+        let corrected = Topic { name: "/imu/stillpoint/corrected".to_owned(), ..own.clone() };
+        let written = metadata.annotated(&[Contents { span: Some((7, 20)), counts }], &[own, corrected]);
         let load = |text: &str| serde_saphyr::from_str::<Value>(text).unwrap();
         let (before, after) = (load(TEXT), load(&written));
         let (before, after) = (&before[ROOT], &after[ROOT]);
@@ -213,7 +220,10 @@ rosbag2_bagfile_information:
             assert_eq!(before[key], after[key], "{key}");
         }
         let topics = |info: &Value| info["topics_with_message_count"].as_array().unwrap().len();
-        assert_eq!((topics(before), topics(after)), (1, 2));
+        assert_eq!((topics(before), topics(after)), (1, 3));
+        let offered =
+            |n: usize| after["topics_with_message_count"][n]["topic_metadata"]["offered_qos_profiles"].clone();
+        assert_eq!((offered(1), offered(2)), (json!([]), offered(0)));
         let imu = |info: &Value| info["topics_with_message_count"][0]["topic_metadata"].clone();
         assert_eq!(imu(before), imu(after));
         assert_eq!(after["custom_data"], json!({"robot": "07", "shift": "yes"}));
