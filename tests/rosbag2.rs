@@ -6,7 +6,7 @@ mod common;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use common::{Folder, Run, recording};
+use common::{Folder, Run, bag_metadata, recording, same_folders};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use serde_json::{Value, json};
@@ -49,33 +49,12 @@ fn with_bag() -> Folder {
     let files = split(&folder.read("demo.mcap"), &[3, 1, 2]);
     let names: Vec<String> = (0..files.len()).map(|n| format!("bag_{n}.mcap")).collect();
     names.iter().zip(&files).for_each(|(name, file)| folder.write(&format!("bag/{name}"), file));
-    folder.write("bag/metadata.yaml", metadata(&names).as_bytes());
+    folder.write("bag/metadata.yaml", bag_metadata(&names).as_bytes());
     folder
-}
-
-fn metadata(names: &[String]) -> String {
-    let listed: String = names.iter().map(|name| format!("    - {name}\n")).collect();
-    format!(
-        "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  duration:\n    nanoseconds: 1\n  \
-         starting_time:\n    nanoseconds_since_epoch: 1\n  message_count: 0\n  topics_with_message_count:\n    \
-         - topic_metadata:\n        name: /imu/data_raw\n        type: sensor_msgs/msg/Imu\n        \
-         serialization_format: cdr\n        offered_qos_profiles: \"- history: 3\\n  depth: 0\"\n      message_count: 0\n  \
-         compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n{listed}  fleet: \"07\"\n"
-    )
 }
 
 fn imus(run: Run) -> Value {
     run.ok().json()["imus"].clone()
-}
-
-fn same_folders(a: &Path, b: &Path) {
-    let read = |folder: &Path| -> BTreeMap<_, _> {
-        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
-        entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap())).collect()
-    };
-    let (a, b) = (read(a), read(b));
-    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
-    assert!(a == b);
 }
 
 #[test]

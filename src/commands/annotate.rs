@@ -90,7 +90,8 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
 
 /// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
 pub fn default_output(input: &Path, is_folder: bool, folder: Option<&Path>, sidecar: bool) -> PathBuf {
-    let whole = if is_folder { input.canonicalize().unwrap_or_default() } else { input.to_owned() };
+    let whole = if is_folder { input.canonicalize().ok() } else { None };
+    let whole = whole.unwrap_or_else(|| input.to_owned());
     let stem = if is_folder { whole.file_name() } else { whole.file_stem() };
     let stem = stem.unwrap_or_default().to_string_lossy();
     let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);

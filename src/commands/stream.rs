@@ -11,6 +11,7 @@ pub fn event(news: &News<'_>) -> Option<Value> {
     Some(match news {
         News::Awaited => json!({"event": "awaited"}),
         News::Opened(offset) => json!({"event": "opened", "offset": offset}),
+        News::Split(file) => json!({"event": "split", "file": file}),
         News::Annotation { imu, event, .. } => {
             let (kind, said) = message(&event.message);
             json!({"event": kind, "imu": Some(imu).filter(|imu| !imu.is_empty()), "log_time": event.log_time, kind: said})

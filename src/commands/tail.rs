@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use stillpoint::Error;
-use stillpoint::run::{self, Following, News, Options, Stop, Written};
+use stillpoint::run::{self, Ending, Following, News, Options, Stop, Written};
 
 use super::annotate::{code, default_output, result, say};
 use super::view::View;
@@ -15,7 +15,10 @@ const IDLE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
-    let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, false, None, false));
+    // What is not there yet is a folder, if its name says nothing else.
+    let file = args.input.extension().is_some_and(|ending| ending == "mcap");
+    let folder = args.input.is_dir() || !args.input.exists() && !file;
+    let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, folder, None, false));
     let following = Following {
         poll: args.poll,
         idle: args.idle_timeout.unwrap_or(IDLE),
@@ -42,8 +45,11 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         print_json(&result)?;
     }
     say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, None);
-    Ok(match tailed.written {
-        Written::Before => Code::Done,
-        Written::Now => code(&tailed.report, args.require_calibration, args.accept_damage),
+    let code = code(&tailed.report, args.require_calibration, args.accept_damage);
+    Ok(match (tailed.written, code) {
+        (Written::Before, _) => Code::Done,
+        // A folder without its last file, say.
+        (Written::Now, Code::Done) if tailed.ending == Ending::Idle && !args.accept_damage => Code::Damaged,
+        (Written::Now, code) => code,
     })
 }

@@ -46,6 +46,7 @@ impl View {
             News::Opened(0) if self.waiting => self.say(|name| info!("{name}: recording")),
             News::Opened(0) => {}
             News::Opened(offset) => self.say(|name| info!("{name}: going on at byte {offset}, where it was stopped")),
+            News::Split(file) => self.say(|name| info!("{name}: goes on in {file}")),
             News::Trouble(what) => self.say(|name| warn!("{name}: {what}")),
             News::Annotation { event, .. } if self.term.is_none() => line(&event.message),
             News::Imu { findings, status } if self.is_due() => self.lines.extend(summary::live(findings, status)),

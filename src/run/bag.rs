@@ -3,7 +3,6 @@
 
 mod metadata;
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
@@ -20,7 +19,10 @@ pub(super) const ORIGINAL: &str = "metadata.original.yaml";
 #[derive(Clone, Debug)]
 pub(super) struct Bag {
     folder: PathBuf,
-    original: Metadata,
+    /// Names of its files, in their order.
+    files: Vec<String>,
+    /// `None` if its recorder did not finish it.
+    original: Option<Metadata>,
     /// Whether there are annotations in it.
     annotated: bool,
 }
@@ -32,8 +34,8 @@ impl Bag {
     ///
     /// If it holds no rosbag2 recording in MCAP files, or one of these is missing.
     pub(super) fn open(folder: &Path) -> Result<Self, Error> {
-        if !folder.join(METADATA).exists() {
-            let why = match mcap_files(folder).is_empty() {
+        if !is_finished(folder) {
+            let why = match files(folder).is_empty() {
                 true => "is a folder without a recording; name a recording",
                 false => {
                     "is a folder without metadata.yaml; name the .mcap files in it, with --join if they are one recording"
@@ -41,18 +43,13 @@ impl Bag {
             };
             return Err(Error::input(folder, why));
         }
-        let read = |name: &str| {
-            let path = folder.join(name);
-            let text = std::fs::read_to_string(&path).map_err(Error::io("read", &path))?;
-            let refused = |why| Error::input(folder, format!("no rosbag2 recording that can be read: {why}"));
-            Metadata::parse(text).map_err(refused)
-        };
-        let now = read(METADATA)?;
+        let now = read(folder, METADATA)?;
         // One that names other files was left by something else.
-        let before = if folder.join(ORIGINAL).exists() { Some(read(ORIGINAL)?) } else { None };
+        let before = if folder.join(ORIGINAL).exists() { Some(read(folder, ORIGINAL)?) } else { None };
         let before = before.filter(|before| before.files == now.files);
         let annotated = before.is_some();
-        let bag = Self { folder: folder.to_owned(), original: before.unwrap_or(now), annotated };
+        let files = now.files.clone();
+        let bag = Self { folder: folder.to_owned(), files, original: Some(before.unwrap_or(now)), annotated };
         for name in bag.names() {
             if !folder.join(name).exists() {
                 let why = format!(
@@ -61,10 +58,15 @@ impl Bag {
                 return Err(Error::input(folder, why));
             }
         }
-        for name in mcap_files(folder).iter().filter(|name| !bag.original.files.contains(name)) {
+        for name in self::files(folder).iter().filter(|name| !bag.files.contains(name)) {
             tracing::warn!("{}: {name} is not in {METADATA}, and is left alone", folder.display());
         }
         Ok(bag)
+    }
+
+    /// Opens a folder whose recorder did not finish it.
+    pub(super) fn unfinished(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), files: files(folder), original: None, annotated: false }
     }
 
     /// Where it is.
@@ -74,7 +76,7 @@ impl Bag {
 
     /// Names of its files, in their order.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
-        self.original.files.iter().map(String::as_str)
+        self.files.iter().map(String::as_str)
     }
 
     /// Whether there are annotations in it.
@@ -82,25 +84,87 @@ impl Bag {
         self.annotated
     }
 
-    /// The `metadata.yaml` of the recording without annotations.
-    pub(super) fn original(&self) -> &str {
-        self.original.text()
+    /// The `metadata.yaml` of the recording without annotations, if it has one.
+    pub(super) fn original(&self) -> Option<&str> {
+        self.original.as_ref().map(Metadata::text)
     }
 
     /// The `metadata.yaml` of the recording with annotations, whose splits these are.
-    pub(super) fn annotated(&self, splits: &[Contents], own: &[Topic]) -> String {
-        self.original.annotated(splits, own)
+    pub(super) fn annotated(&self, splits: &[Contents], own: &[Topic]) -> Option<String> {
+        self.original.as_ref().map(|original| original.annotated(splits, own))
     }
 }
 
-/// Names of the MCAP files in a folder.
-fn mcap_files(folder: &Path) -> Vec<String> {
+fn read(folder: &Path, name: &str) -> Result<Metadata, Error> {
+    let path = folder.join(name);
+    let text = std::fs::read_to_string(&path).map_err(Error::io("read", &path))?;
+    let refused = |why| Error::input(folder, format!("no rosbag2 recording that can be read: {why}"));
+    Metadata::parse(text).map_err(refused)
+}
+
+/// Whether a folder is one recording: its files are named after it, as rosbag2 does, or its `metadata.yaml` says so.
+pub(super) fn is_one(folder: &Path) -> bool {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let number = |rest: &str| rest.strip_prefix('_').is_some_and(|n| n.bytes().all(|digit| digit.is_ascii_digit()));
+    let named = |file: &String| {
+        let rest = file.strip_suffix(".mcap").and_then(|stem| stem.strip_prefix(&*name));
+        rest.is_some_and(|rest| rest.is_empty() || number(rest))
+    };
+    let files = files(folder);
+    !files.is_empty() && (files.iter().any(named) || listed(folder).is_some())
+}
+
+/// Whether a recorder has finished the recording in a folder.
+pub(super) fn is_finished(folder: &Path) -> bool {
+    folder.join(METADATA).exists()
+}
+
+/// The files that a recorder says to have recorded into a folder, once it says so.
+pub(super) fn listed(folder: &Path) -> Option<Vec<String>> {
+    read(folder, METADATA).ok().map(|metadata| metadata.files)
+}
+
+/// Names of the recordings in a folder, in their order: `bag_10` comes behind `bag_9`. What Stillpoint writes is none.
+pub(super) fn files(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension() == Some(OsStr::new("mcap")))
-        .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
-        .collect();
-    names.sort();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> =
+        names.filter(|name| name.ends_with(".mcap") && !is_ours(name) && !name.starts_with('.')).collect();
+    names.sort_by(|a, b| natural(a).cmp(&natural(b)));
     names
+}
+
+/// Whether Stillpoint gives such names to files and folders.
+pub(super) fn is_ours(name: &str) -> bool {
+    let name = [".partial", ".replaced"].into_iter().find_map(|ending| name.strip_suffix(ending)).unwrap_or(name);
+    [".annotated", ".annotated.mcap", ".stillpoint.mcap"].iter().any(|ending| name.ends_with(ending))
+}
+
+/// A name as words and numbers: each word, and the number behind it by its length and digits.
+fn natural(name: &str) -> Vec<(&str, usize, &str)> {
+    let mut rest = name;
+    let mut parts = Vec::new();
+    while !rest.is_empty() {
+        let digit = |c: char| c.is_ascii_digit();
+        let (word, behind) = rest.split_at(rest.find(digit).unwrap_or(rest.len()));
+        let (number, behind) = behind.split_at(behind.find(|c| !digit(c)).unwrap_or(behind.len()));
+        let number = number.trim_start_matches('0');
+        parts.push((word, number.len(), number));
+        rest = behind;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_in_the_order_in_which_a_recorder_numbers_them() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["b_10.mcap", "b_9.mcap", "b_0.mcap", "b_009_1.mcap", "b_0.annotated.mcap", ".b_3.mcap", "a.yaml"] {
+            std::fs::write(folder.path().join(name), b"").unwrap();
+        }
+        assert_eq!(files(folder.path()), ["b_0.mcap", "b_9.mcap", "b_009_1.mcap", "b_10.mcap"]);
+    }
 }

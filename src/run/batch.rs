@@ -143,37 +143,60 @@ pub fn annotate(
     Ok((Report::new(learned, messages), written))
 }
 
+/// A split that was read while it was recorded, and what is to be written behind it.
+pub(super) struct Followed<'a> {
+    inventory: &'a Inventory,
+    /// How many topics of annotations there were at its end.
+    topics: usize,
+    kept: Kept,
+    contents: Contents,
+}
+
+impl<'a> Followed<'a> {
+    pub(super) fn new(inventory: &'a Inventory, topics: usize, output: &Path) -> Self {
+        Self { inventory, topics, kept: Kept::beside(output), contents: Contents::of(inventory) }
+    }
+
+    /// Takes annotations.
+    pub(super) fn keep(&mut self, topics: &[Topic], block: &Block) -> Result<(), Error> {
+        self.contents.count(topics, block);
+        self.kept.block(block)
+    }
+}
+
 /// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself.
 pub(super) fn fold(
-    recording: &Recording,
-    (inventory, learned): (&Inventory, &Learned),
-    kept: Kept,
+    input: &Input,
+    followed: Vec<Followed<'_>>,
+    learned: &Learned,
     output: &Path,
     config: &Config,
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    let mut output = Output::open(output, options.force)?;
-    let abandon = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let copying = scope.spawn(|| output.copy_ahead(recording, &abandon));
-        while !copying.is_finished() {
-            abandon.store(watch(0).is_err(), Ordering::Relaxed);
-            thread::sleep(Duration::from_millis(1));
-        }
-        copying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })?;
-    watch(0)?;
-    write_annotated(
-        &mut output,
-        recording,
-        inventory.clone(),
-        &settings(config),
-        learned.annotator.topics(),
-        kept,
-        watch,
-    )?;
-    Ok((Report::of(inventory, learned), output.finish(recording, options.sync)?))
+    let settings = settings(config);
+    let mut target = Target::open(input, &[output.to_owned()], options)?;
+    let report = Report::of(followed.iter().map(|split| split.inventory), learned);
+    let all = learned.annotator.topics();
+    let mut contents = Vec::new();
+    for (index, (split, followed)) in input.splits.iter().zip(followed).enumerate() {
+        let output = target.next(index)?;
+        let abandon = AtomicBool::new(false);
+        thread::scope(|scope| {
+            let copying = scope.spawn(|| output.copy_ahead(split, &abandon));
+            while !copying.is_finished() {
+                abandon.store(watch(0).is_err(), Ordering::Relaxed);
+                thread::sleep(Duration::from_millis(1));
+            }
+            copying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })?;
+        watch(0)?;
+        let Followed { inventory, topics, kept, contents: here } = followed;
+        let draft = Draft { output, split, inventory: inventory.clone(), kept };
+        target.put(draft.write(&settings, all.get(..topics).unwrap_or(all), watch)?, split)?;
+        contents.push(here);
+    }
+    Ok((report, target.finish(&contents, all)?))
 }
 
 /// Learns from a recording, and writes nothing.
@@ -202,7 +225,7 @@ pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
 }
 
 /// What is written behind the recording, until all of that has been read.
-pub(super) struct Kept {
+struct Kept {
     /// The annotations.
     blocks: Spill,
     /// The chunk indexes.
@@ -212,16 +235,12 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub(super) fn beside(output: &Path) -> Self {
+    fn beside(output: &Path) -> Self {
         let spill = || Spill::beside(output);
         Self { blocks: spill(), indexes: spill(), reindexed: spill() }
     }
 
-    pub(super) fn indexes(&mut self, indexes: &[u8]) -> Result<(), Error> {
-        self.indexes.push(indexes)
-    }
-
-    pub(super) fn block(&mut self, block: &Block) -> Result<(), Error> {
+    fn block(&mut self, block: &Block) -> Result<(), Error> {
         let mut bytes = Vec::new();
         block.write(&mut bytes);
         self.blocks.push_item(&bytes)
@@ -318,11 +337,8 @@ impl<'a> Lesson<'a> {
             return Err(no_imu(input.path(), learner.channels()));
         }
 
-        contents.span = inventory.span();
-        for (&id, channel) in inventory.channels() {
-            *contents.counts.entry(channel.topic.clone()).or_default() += inventory.messages(id);
-            self.messages += inventory.messages(id);
-        }
+        self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();
+        contents.add(&Contents::of(&inventory));
         self.contents.push(contents);
         self.done += split.length();
         Ok(inventory)
@@ -448,16 +464,16 @@ impl Report {
         Self { imus, channels, notes, damage, damages, messages }
     }
 
-    /// Of a recording that is one file.
-    pub(super) fn of(inventory: &Inventory, learned: &Learned) -> Self {
-        let messages = inventory.channels().keys().map(|&id| inventory.messages(id)).sum();
+    /// Of what was read of each split.
+    pub(super) fn of<'a>(read: impl Iterator<Item = &'a Inventory>, learned: &Learned) -> Self {
+        let messages = |read: &Inventory| read.channels().keys().map(|&id| read.messages(id)).sum::<u64>();
         Self {
             imus: learned.imus.clone(),
             channels: learned.channels.clone(),
             notes: learned.notes.clone(),
             damage: learned.damage.clone(),
             damages: learned.damages,
-            messages,
+            messages: read.map(messages).sum(),
         }
     }
 }

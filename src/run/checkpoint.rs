@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 use super::appending::Appending;
 use super::learn::Learner;
 use crate::Error;
-use crate::record::{Position, Sidecar};
+use crate::record::{Inventory, Position, Sidecar};
 
 /// What a checkpoint begins with; another layout gets another number.
-const MAGIC: &[u8; 16] = b"stillpointtail01";
+const MAGIC: &[u8; 16] = b"stillpointtail02";
 /// Of magic and checksum.
 const HEAD: usize = 16 + 4;
 /// Saves are at least this far apart, …
@@ -32,15 +32,35 @@ pub(super) struct Owner {
     pub(super) configuration: String,
 }
 
+/// A file of a recording, read to its end.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Split {
+    pub(super) name: String,
+    /// What it is known again by.
+    pub(super) known: (u64, Vec<u8>),
+    /// In bytes.
+    pub(super) length: u64,
+    pub(super) inventory: Inventory,
+    /// So many topics and blocks of annotations there were at its end.
+    pub(super) topics: usize,
+    pub(super) blocks: u64,
+}
+
 /// All that a tail has to remember.
 #[derive(Serialize, Deserialize)]
 pub(super) struct State {
-    /// What the recording is known again by.
+    pub(super) done: Vec<Split>,
+    /// The file that is read, in a folder.
+    pub(super) name: String,
+    /// What that is known again by.
     pub(super) known: (u64, Vec<u8>),
     pub(super) position: Position,
     pub(super) learner: Learner,
     /// `None` before the sidecar has begun.
     pub(super) sidecar: Option<Sidecar>,
+    pub(super) profile: String,
+    /// In the sidecar.
+    pub(super) blocks: u64,
     /// Of the sidecar, in bytes.
     pub(super) length: u64,
 }
@@ -48,10 +68,14 @@ pub(super) struct State {
 /// The same, borrowed.
 #[derive(Serialize)]
 pub(super) struct StateOf<'a> {
+    pub(super) done: &'a [Split],
+    pub(super) name: &'a str,
     pub(super) known: &'a (u64, Vec<u8>),
     pub(super) position: &'a Position,
     pub(super) learner: &'a Learner,
     pub(super) sidecar: &'a Option<Sidecar>,
+    pub(super) profile: &'a str,
+    pub(super) blocks: u64,
     pub(super) length: u64,
 }
 
@@ -127,10 +151,14 @@ impl Checkpoint {
     pub(super) fn remove(&mut self) -> Result<(), Error> {
         // It is removed, however it is.
         let _ = self.settle();
-        match std::fs::remove_file(&self.path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io("remove", &self.path)(error)),
-            _ => Ok(()),
+        // A killed run may have left the next one, too.
+        for path in [&next_of(&self.path), &self.path] {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("remove", path)(error)),
+                _ => {}
+            }
         }
+        Ok(())
     }
 }
 
@@ -168,11 +196,16 @@ fn decode(bytes: &[u8], owner: &Owner) -> Found {
     }
 }
 
-/// Puts bytes under a name, on the device, or leaves what was there.
-fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Where a checkpoint stands until it is whole.
+fn next_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".partial");
-    let next = path.with_file_name(name);
+    path.with_file_name(name)
+}
+
+/// Puts bytes under a name, on the device, or leaves what was there.
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let next = next_of(path);
     let written = File::create(&next).and_then(|mut file| {
         file.write_all(bytes)?;
         file.sync_all()

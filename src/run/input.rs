@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::bag::Bag;
+use super::bag::{self, Bag};
 use super::in_place::Access;
 use super::recording::{Recording, Watch};
 use crate::Error;
@@ -52,6 +52,14 @@ impl Input {
         }
     }
 
+    /// The same, but a folder that its recorder has not finished consists of the files that are there.
+    pub(super) fn as_it_is(path: &Path) -> Result<Self, Error> {
+        if path.is_dir() && !bag::is_finished(path) {
+            return Self::all(Bag::unfinished(path), |file| Recording::open_original(file, Access::Read));
+        }
+        Self::open_original(path, Access::Read)
+    }
+
     /// A recording that is open.
     pub(super) fn of(recording: Recording) -> Self {
         Self { path: recording.path().to_owned(), splits: vec![recording], bag: None }
@@ -78,12 +86,16 @@ impl Input {
     }
 
     fn each(path: &Path, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
-        if !path.is_dir() {
-            return Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None });
+        match path.is_dir() {
+            true => Self::all(Bag::open(path)?, open),
+            false => Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None }),
         }
-        let bag = Bag::open(path)?;
+    }
+
+    fn all(bag: Bag, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
+        let path = bag.folder().to_owned();
         let splits = bag.names().map(|name| open(&path.join(name))).collect::<Result<_, _>>()?;
-        Ok(Self { path: path.to_owned(), splits, bag: Some(bag) })
+        Ok(Self { path, splits, bag: Some(bag) })
     }
 
     /// Where it is: the folder, or the first of several files.
@@ -104,6 +116,29 @@ impl Input {
     /// Its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.splits.iter().map(Recording::path)
+    }
+
+    /// Whether another one holds the same bytes.
+    pub(super) fn is_same(&self, other: &Self, watch: Watch<'_>) -> Result<bool, Error> {
+        if !self.splits.iter().map(Recording::length).eq(other.splits.iter().map(Recording::length)) {
+            return Ok(false);
+        }
+        for (split, other) in self.splits.iter().zip(&other.splits) {
+            let (mut at, mut same, mut read) = (0, true, Ok(()));
+            split.read(0..split.length(), watch, |bytes| {
+                let mut found = vec![0; bytes.len()];
+                if same && read.is_ok() {
+                    read = other.read_exact_at(&mut found, at);
+                    same = found == bytes;
+                    at += bytes.len() as u64;
+                }
+            })?;
+            read?;
+            if !same {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Names of the files, if there are several.

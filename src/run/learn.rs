@@ -81,8 +81,6 @@ pub(super) struct Learned {
     pub(super) damages: u64,
     /// Has all topics, and can go on.
     pub(super) annotator: Annotator,
-    /// The last blocks, which nobody took.
-    pub(super) blocks: Vec<Block>,
 }
 
 impl Learner {
@@ -151,11 +149,6 @@ impl Learner {
         for Learning { engine, findings, .. } in &self.imus {
             tell(News::Imu { findings, status: engine.status() });
         }
-    }
-
-    /// The annotations so far.
-    pub(super) fn annotator(&self) -> &Annotator {
-        &self.annotator
     }
 
     /// Takes an event of the scan, and tells what is new.
@@ -287,7 +280,6 @@ impl Learner {
             damage: self.damage,
             damages: self.damages,
             annotator: self.annotator,
-            blocks: self.blocks,
         }
     }
 

@@ -15,6 +15,8 @@ pub enum News<'a> {
     Awaited,
     /// The recording is there. What a killed run had done to this byte is taken over.
     Opened(u64),
+    /// The recording goes on in this file of its folder.
+    Split(&'a str),
     /// A channel of the recording, before its first message.
     Channel {
         /// Its record.

@@ -29,7 +29,7 @@ pub fn strip(input: &Input, output: &Path, force: bool, sync: bool, watch: Watch
         copy(split, folder.output(name)?, sync, &|at| watch(done + at))?;
         done += split.length();
     }
-    folder.put(METADATA, bag.original(), sync)?;
+    bag.original().map_or(Ok(()), |text| folder.put(METADATA, text, sync))?;
     folder.finish(sync)
 }
 

@@ -75,26 +75,26 @@ impl<'a> Target<'a> {
     /// All files are complete, and this is what is in them.
     pub(super) fn finish(self, contents: &[Contents], own: &[Topic]) -> Result<Written, Error> {
         let Self { input, sync, in_place, place, mut written, .. } = self;
-        let described = input.bag.as_ref().map(|bag| (bag, bag.annotated(contents, own)));
+        let described = input.bag.as_ref().and_then(|bag| Some((bag, bag.original()?, bag.annotated(contents, own)?)));
         match place {
             Place::Files { whole, .. } => {
                 let described = described.filter(|_| in_place);
                 // Once the splits are annotated, nothing else tells what stood there.
-                if let Some((bag, _)) = &described {
-                    folder::write(&bag.folder().join(ORIGINAL), bag.original(), sync)?;
+                if let Some((bag, original, _)) = &described {
+                    folder::write(&bag.folder().join(ORIGINAL), original, sync)?;
                 }
                 for (output, split) in whole.into_iter().zip(&input.splits) {
                     written = written.and(output.finish(split, sync)?);
                 }
-                if let Some((bag, metadata)) = &described {
+                if let Some((bag, _, metadata)) = &described {
                     folder::write(&bag.folder().join(METADATA), metadata, sync)?;
                 }
                 Ok(written)
             }
             Place::Folder(folder) => {
-                if let Some((bag, metadata)) = &described {
+                if let Some((_, original, metadata)) = &described {
                     folder.put(METADATA, metadata, sync)?;
-                    folder.put(ORIGINAL, bag.original(), sync)?;
+                    folder.put(ORIGINAL, original, sync)?;
                 }
                 folder.finish(sync)
             }

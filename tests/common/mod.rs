@@ -1,6 +1,7 @@
 //! A folder with a recording in it, and the program to run there.
 #![allow(dead_code, clippy::unwrap_used)]
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -101,6 +102,29 @@ impl Folder {
         let metadata = std::fs::symlink_metadata(self.path().join(name)).unwrap();
         (metadata.len(), metadata.modified().unwrap())
     }
+}
+
+/// A `metadata.yaml` as rosbag2 leaves it when it has finished recording into these files.
+pub fn bag_metadata(names: &[String]) -> String {
+    let listed: String = names.iter().map(|name| format!("    - {name}\n")).collect();
+    format!(
+        "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n  duration:\n    nanoseconds: 1\n  \
+         starting_time:\n    nanoseconds_since_epoch: 1\n  message_count: 0\n  topics_with_message_count:\n    \
+         - topic_metadata:\n        name: /imu/data_raw\n        type: sensor_msgs/msg/Imu\n        \
+         serialization_format: cdr\n        offered_qos_profiles: \"- history: 3\\n  depth: 0\"\n      message_count: 0\n  \
+         compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n{listed}  fleet: \"07\"\n"
+    )
+}
+
+/// Two folders hold the same files.
+pub fn same_folders(a: &Path, b: &Path) {
+    let read = |folder: &Path| -> BTreeMap<_, _> {
+        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+        entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap())).collect()
+    };
+    let (a, b) = (read(a), read(b));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    assert!(a == b);
 }
 
 /// Runs a command to its end.

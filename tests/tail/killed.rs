@@ -1,5 +1,6 @@
 //! A tail that is killed at any instant goes on where it was, and its result is that of one that never was.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rand::{RngExt as _, SeedableRng as _};
@@ -8,6 +9,11 @@ use rand_chacha::ChaCha8Rng;
 use crate::common::Folder;
 use crate::following::{Running, assert_as_batch, length, wait_for};
 use crate::recorder::{Session, Style};
+
+/// What a long test varies from round to round.
+fn corrected(round: u32) -> &'static str {
+    if round % 3 == 2 { "--set output.corrected=causal" } else { "" }
+}
 
 fn kills() -> u32 {
     std::env::var("STILLPOINT_KILLS").map_or(16, |kills| kills.parse().unwrap())
@@ -23,13 +29,14 @@ fn a_tail_that_is_killed_over_and_over_makes_what_an_undisturbed_one_makes() {
         let folder = Folder::new();
         let path = folder.path().join("rec.mcap");
         let seconds = 0.4 * f64::from(kills);
+        let line = format!("tail rec.mcap {}", corrected(round));
         std::thread::scope(|scope| {
             let recorder = scope.spawn(|| {
                 // The recording ends when two thirds of the kills are done: the rest meets the end and the fold.
                 session.record(&path, Style { seeking: round % 2 == 0, ..Style::default() }, 101.0 / seconds);
             });
             for _ in 0..kills {
-                let tail = Running::start(&folder, "tail rec.mcap");
+                let tail = Running::start(&folder, &line);
                 // Checkpoints are a second apart, so that many of the instants are about then; the end comes at once.
                 let millis = match (recorder.is_finished(), rng.random()) {
                     (true, _) => rng.random_range(0..120),
@@ -41,10 +48,11 @@ fn a_tail_that_is_killed_over_and_over_makes_what_an_undisturbed_one_makes() {
             }
             recorder.join().unwrap();
         });
-        let run = Running::start(&folder, "tail rec.mcap").finish();
+        let run = Running::start(&folder, &line).finish();
         assert_eq!(run.code, 0, "{}", run.stderr);
         assert_eq!(folder.names(), ["rec.annotated.mcap", "rec.mcap"]);
-        assert_as_batch(&folder, "after kills");
+        folder.say(&format!("annotate rec.mcap -o batch.mcap -q {}", corrected(round))).ok();
+        assert!(folder.read("rec.annotated.mcap") == folder.read("batch.mcap"), "round {round}");
     }
 }
 
@@ -54,13 +62,15 @@ fn a_tail_that_is_stopped_says_where_it_goes_on_and_does() {
         let folder = Folder::new();
         let path = folder.path().join("rec.mcap");
         let session = Session::six_faces();
+        let stopped = AtomicBool::new(false);
         std::thread::scope(|scope| {
-            let recorder = scope.spawn(|| session.record(&path, Style::default(), 60.0));
+            let recorder = scope.spawn(|| session.record_until(&path, Style::default(), 60.0, &stopped));
             let sidecar = folder.path().join("rec.stillpoint.mcap");
             let tail = Running::start(&folder, "tail rec.mcap");
             wait_for("annotations", || length(&sidecar) > 2000);
             std::process::Command::new("kill").args([signal, &tail.id().to_string()]).status().unwrap();
             let run = tail.finish();
+            stopped.store(true, Ordering::Relaxed);
             assert_eq!(run.code, if signal == "-INT" { 130 } else { 143 }, "{}", run.stderr);
             assert!(run.stderr.contains("goes on from here"), "{}", run.stderr);
             assert!(folder.names().contains(&"rec.stillpoint.checkpoint".to_owned()), "{:?}", folder.names());
@@ -100,4 +110,52 @@ fn a_checkpoint_of_another_configuration_is_not_gone_on_with() {
     assert!(run.stderr.contains("the checkpoint is of another configuration: starting anew"), "{}", run.stderr);
     folder.say("annotate rec.mcap -o batch.mcap --set still.min_fit_s=1.5").ok();
     assert!(folder.read("batch.mcap") == folder.read("rec.annotated.mcap"));
+}
+
+#[test]
+fn a_tail_that_writes_corrected_messages_goes_on_with_the_calibrations_in_force() {
+    let session = Session::six_faces();
+    let folder = Folder::new();
+    let line = "tail rec.mcap --set output.corrected=causal";
+    let mut went_on = 0;
+    std::thread::scope(|scope| {
+        let recorder = scope.spawn(|| session.record(&folder.path().join("rec.mcap"), Style::default(), 25.0));
+        while !recorder.is_finished() {
+            let tail = Running::start_logged(&folder, line, "log");
+            std::thread::sleep(Duration::from_millis(1200));
+            tail.kill();
+            went_on += String::from_utf8_lossy(&folder.read("log")).matches("going on at byte").count();
+        }
+    });
+    assert!(went_on > 0);
+    Running::start(&folder, line).finish().ok();
+    folder.say("annotate rec.mcap -o batch.mcap --set output.corrected=causal -q").ok();
+    assert!(folder.read("batch.mcap") == folder.read("rec.annotated.mcap"));
+}
+
+#[test]
+fn a_checkpoint_that_cannot_be_read_is_not_gone_on_with() {
+    let half = Session::six_faces();
+    let folder = Folder::new();
+    half.record_while(&folder.path().join("rec.mcap"), Style::default(), f64::INFINITY, |written| written < 9000);
+    let checkpoint = folder.path().join("rec.stillpoint.checkpoint");
+    let tail = Running::start(&folder, "tail rec.mcap");
+    wait_for("a checkpoint", || length(&checkpoint) > 5000);
+    tail.kill();
+    let (good, sidecar) = (std::fs::read(&checkpoint).unwrap(), folder.read("rec.stillpoint.mcap"));
+    let version = |bytes: &mut Vec<u8>| bytes[14..16].copy_from_slice(b"99");
+    let flip = |bytes: &mut Vec<u8>| bytes[3000] ^= 1;
+    let cut = |bytes: &mut Vec<u8>| bytes.truncate(10);
+    let ways: [(&dyn Fn(&mut Vec<u8>), &str); 3] =
+        [(&version, "is of another version"), (&flip, "is damaged"), (&cut, "is damaged")];
+    for (change, why) in ways {
+        let mut bytes = good.clone();
+        change(&mut bytes);
+        folder.write("rec.stillpoint.checkpoint", &bytes);
+        folder.write("rec.stillpoint.mcap", &sidecar);
+        let run = folder.say("tail rec.mcap --idle-timeout 200ms --accept-damage --force").ok();
+        assert!(run.stderr.contains(&format!("the checkpoint {why}: starting anew")), "{}", run.stderr);
+        assert_as_batch(&folder, why);
+        std::fs::remove_file(folder.path().join("batch.mcap")).unwrap();
+    }
 }

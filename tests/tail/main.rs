@@ -7,6 +7,8 @@
 mod common;
 
 mod equality;
+mod events;
+mod folders;
 mod following;
 mod killed;
 mod recorder;

@@ -1,6 +1,7 @@
 //! What goes wrong with a recording while it is followed: a clear message, and whole output.
 
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::Folder;
 use crate::following::{Running, assert_as_batch, length, wait_for};
@@ -11,11 +12,13 @@ fn while_followed(folder: &Folder, arguments: &str, style: Style, happens: impl 
     let session = Session::six_faces();
     let path = folder.path().join("rec.mcap");
     let sidecar = folder.path().join("rec.stillpoint.mcap");
+    let happened = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let recorder = scope.spawn(|| session.record(&path, style, 60.0));
+        let recorder = scope.spawn(|| session.record_until(&path, style, 60.0, &happened));
         let tail = Running::start(folder, &format!("tail rec.mcap {arguments}"));
         wait_for("annotations", || length(&sidecar) > 2000);
         happens();
+        happened.store(true, Ordering::Relaxed);
         recorder.join().unwrap();
         tail.finish()
     })

@@ -251,3 +251,137 @@ fn a_recording_that_is_recorded_anew_under_its_name_is_annotated_too() {
     assert!(strip("rec.before-1.annotated.mcap") == session(1));
     assert!(strip("rec.annotated.mcap") == session(2)[..40_000]);
 }
+
+/// Waits until each of these is in the folder of results.
+fn wait_for_results(folder: &Folder, names: &[&str]) {
+    for name in names {
+        wait_for(name, || folder.path().join("out").join(name).exists());
+    }
+}
+
+fn logged(folder: &Folder) -> String {
+    String::from_utf8_lossy(&folder.read("log")).into_owned()
+}
+
+#[test]
+fn folders_are_looked_through_and_a_rosbag2_folder_is_one_recording() {
+    let folder = Folder::new();
+    let within = |name: &str| folder.path().join("in").join(name);
+    ["nested/deep", ".hidden"].iter().for_each(|name| std::fs::create_dir_all(within(name)).unwrap());
+    folder.write("in/nested/deep/a.mcap", &session(1));
+    folder.write("in/.hidden/b.mcap", &session(2));
+    folder.write("in/.c.mcap", &session(3));
+    std::os::unix::fs::symlink("nested/deep/a.mcap", within("latest.mcap")).unwrap();
+    std::os::unix::fs::symlink("..", within("nested/up")).unwrap();
+    let running = start(&folder);
+    // One that is finished when it is found, and one that is recorded meanwhile.
+    let session = crate::recorder::Session::of(&session(4));
+    session.record_bag(&folder.path().join("done.2026.11"), 2, Default::default(), f64::INFINITY);
+    std::fs::rename(folder.path().join("done.2026.11"), within("done.2026.11")).unwrap();
+    session.record_bag(&within("nested/live"), 3, Default::default(), 20.0);
+    wait_for_results(&folder, &["nested/deep/a.annotated.mcap", "done.2026.11.annotated", "nested/live.annotated"]);
+    wait_for("all states", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 3"));
+    Command::new("kill").args(["-TERM", &running.id().to_string()]).status().unwrap();
+    assert_eq!(running.finish().code, 0);
+    for (bag, result) in [("in/done.2026.11", "done.2026.11"), ("in/nested/live", "nested/live")] {
+        folder.say(&format!("annotate {bag} -o batch --force -q")).ok();
+        let result = folder.path().join(format!("out/{result}.annotated"));
+        crate::common::same_folders(&result, &folder.path().join("batch"));
+    }
+    let mut found = BTreeMap::new();
+    results(&folder.path().join("out"), &mut found);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(logged(&folder).matches("annotated:").count(), 3, "{}", logged(&folder));
+}
+
+#[test]
+fn a_recording_that_is_changed_after_it_was_annotated_is_annotated_anew() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.write("in/rec.mcap", &session(1));
+    let running = start(&folder);
+    wait_for_results(&folder, &["rec.annotated.mcap"]);
+    // As long as before.
+    let mut changed = session(1);
+    let middle = changed.len() / 2;
+    changed[middle] ^= 0x55;
+    std::thread::sleep(Duration::from_millis(30));
+    folder.write("in/rec.mcap", &changed);
+    wait_for_results(&folder, &["rec.before-1.annotated.mcap", "rec.annotated.mcap"]);
+    folder.say("annotate in/rec.mcap -o batch.mcap --accept-damage -q").ok();
+    wait_for("the batch run's", || folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
+    running.kill();
+
+    // What was only touched is compared, once, and stays as it is.
+    std::thread::sleep(Duration::from_millis(30));
+    folder.write("in/rec.mcap", &changed);
+    let before = std::fs::metadata(folder.path().join("out/rec.annotated.mcap")).unwrap().ino();
+    let running = start(&folder);
+    wait_for("the comparison", || logged(&folder).contains("annotated:"));
+    std::thread::sleep(Duration::from_millis(300));
+    running.kill();
+    assert_eq!(logged(&folder).matches("annotated:").count(), 1);
+    assert_eq!(std::fs::metadata(folder.path().join("out/rec.annotated.mcap")).unwrap().ino(), before);
+}
+
+#[test]
+fn a_wrong_configuration_is_told_and_the_one_before_stays() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.write("conf.toml", b"[still]\nmin_fit_s = 1.5\n");
+    let line = "watch in --out-dir out --interval 50ms -c conf.toml";
+    let running = Running::start_logged(&folder, line, "log");
+    wait_for("the start", || logged(&folder).contains("watching in"));
+    folder.write("conf.toml", b"[still]\nmin_fitt_s = 2\n");
+    Command::new("kill").args(["-HUP", &running.id().to_string()]).status().unwrap();
+    wait_for("the refusal", || logged(&folder).contains("the configuration stays as it was"));
+    assert!(logged(&folder).contains("min_fit_s"), "names the nearest key: {}", logged(&folder));
+    folder.write("in/rec.mcap", &session(1));
+    wait_for_results(&folder, &["rec.annotated.mcap"]);
+    running.kill();
+    folder.say("annotate in/rec.mcap -o batch.mcap -q --set still.min_fit_s=1.5").ok();
+    assert!(folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
+}
+
+#[test]
+fn a_recording_that_somebody_else_follows_is_waited_for() {
+    let folder = Folder::new();
+    ["in", "out"].iter().for_each(|name| std::fs::create_dir(folder.path().join(name)).unwrap());
+    let whole = session(1);
+    folder.write("in/rec.mcap", &whole[..whole.len() / 2]);
+    let tail = Running::start(&folder, "tail in/rec.mcap -o out/rec.annotated.mcap");
+    wait_for("the tail", || folder.path().join("out/rec.stillpoint.mcap").exists());
+    let running = start(&folder);
+    wait_for("a refusal", || logged(&folder).contains("another stillpoint"));
+    let mut file = std::fs::File::options().append(true).open(folder.path().join("in/rec.mcap")).unwrap();
+    file.write_all(&whole[whole.len() / 2..]).unwrap();
+    tail.finish().ok();
+    wait_for("the state", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 1"));
+    running.kill();
+    assert_eq!(std::fs::read_dir(folder.path().join("out")).unwrap().count(), 1, "no quarantine");
+}
+
+#[test]
+fn a_service_does_not_grow_with_what_it_has_done() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    let running = start(&folder);
+    let resident = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", running.id())).ok()?;
+        status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok())
+    };
+    let mut grown = Vec::new();
+    for round in 0..3 {
+        for i in 0..recordings() / 2 {
+            folder.write(&format!("in/{round}_{i}.mcap"), &session(i as u64));
+        }
+        let done = format!("{{state=\"annotated\"}} {}\n", (round + 1) * (recordings() / 2));
+        wait_for("the results", || get(&folder, "/metrics").1.contains(&done));
+        grown.extend(resident());
+    }
+    running.kill();
+    println!("resident after each third, kB: {grown:?}");
+    if let [_, second, third] = grown[..] {
+        assert!(third < second + (8 << 10), "{grown:?} kB");
+    }
+}

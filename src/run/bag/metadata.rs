@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::record::{Block, Topic};
+use crate::record::{Block, Inventory, Topic};
 use crate::report::yaml;
 
 /// The only key of the document.
@@ -109,6 +109,15 @@ impl Metadata {
 }
 
 impl Contents {
+    /// Of a split without its annotations.
+    pub(in crate::run) fn of(inventory: &Inventory) -> Self {
+        let mut counts = BTreeMap::new();
+        for (&id, channel) in inventory.channels() {
+            *counts.entry(channel.topic.clone()).or_default() += inventory.messages(id);
+        }
+        Self { span: inventory.span(), counts }
+    }
+
     /// Takes in annotations.
     pub(in crate::run) fn count(&mut self, topics: &[Topic], block: &Block) {
         for topic in block.annotations.iter().filter_map(|annotation| topics.get(annotation.topic)) {
@@ -119,7 +128,7 @@ impl Contents {
         }
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(in crate::run) fn add(&mut self, other: &Self) {
         for (topic, count) in &other.counts {
             *self.counts.entry(topic.clone()).or_default() += count;
         }

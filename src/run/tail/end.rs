@@ -1,0 +1,159 @@
+//! The end of a recording that was followed: the last annotations, the annotated recording, and no more of what belongs
+//! to a tail. How the recording is written is left to the [batch path](crate::run::batch).
+
+use super::course::Course;
+use super::trail::Trail;
+use super::{Shell, Tailed};
+use crate::Error;
+use crate::annotate::Corrected;
+use crate::record::{Damage, Event, Piece, Sidecar};
+use crate::run::batch::{self, Followed, Form, Options, Report};
+use crate::run::checkpoint::Split;
+use crate::run::input::Input;
+use crate::run::learn::Learned;
+use crate::run::news::{Ending, Tell};
+use crate::run::output::Written;
+use crate::run::recording::Recording;
+
+/// What is there of a recording at its end.
+enum Remains {
+    /// All that was read.
+    Same(Input),
+    /// Something else, which is to be read anew.
+    Other(Input),
+    Nothing,
+}
+
+impl Shell<'_> {
+    /// Everything has been read.
+    pub(super) fn end(&mut self, mut course: Course, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
+        if ending == Ending::Truncated {
+            let what = "the file was cut off or written anew while it was followed: what stood there is lost";
+            let offset = course.scan.offset();
+            let length = course.growing.length().saturating_sub(offset);
+            let damage = Damage { offset, length, what: what.to_owned() };
+            course.learner.take(Event::Damage(damage), tell);
+        }
+        course.learner.close(tell);
+        let last: Vec<_> = course.learner.take_blocks().collect();
+        self.append(&mut course, &last)?;
+        let (length, remains) = (course.offset(), course.remains(ending)?);
+        let Course { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
+        let learned = learner.finish(tell);
+        let here = Split {
+            name: String::new(),
+            known: growing.known().clone(),
+            length: growing.length(),
+            inventory: scan.into_inventory(),
+            topics: learned.annotator.topics().len(),
+            blocks,
+        };
+        let splits: Vec<_> = done.into_iter().chain([here]).collect();
+        let input = match remains {
+            Remains::Other(input) => return self.annotate(&input, ending),
+            // The batch run does not read everything, so that it may know of less damage; and what is corrected by the last
+            // calibration is written by it alone.
+            Remains::Same(input) if learned.damages > 0 || self.config.output.corrected == Corrected::Final => {
+                return self.annotate(&input, ending);
+            }
+            Remains::Same(input) => Some(input),
+            Remains::Nothing => None,
+        };
+        if learned.imus.is_empty() && !self.following.options.allow_no_imu {
+            return Err(no_imu(&trail, &splits, &learned));
+        }
+        self.patiently(tell, |shell| shell.appending.flush())?;
+        let Some(input) = input else {
+            let output = self.appending.path().to_owned();
+            self.close(sidecar, tell)?;
+            let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
+            return Ok(Tailed { report, length, output, written: Written::Now, ending });
+        };
+        let (report, written) = self.patiently(tell, |shell| shell.fold(&input, &splits, &learned))?;
+        match self.following.keep_sidecar {
+            true => self.close(sidecar, tell)?,
+            false => self.tidy()?,
+        }
+        Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
+    }
+
+    /// Leaves the whole recording to the batch path.
+    fn annotate(&mut self, input: &Input, ending: Ending) -> Result<Tailed, Error> {
+        let options = self.following.options;
+        let watch = |_| self.stop.check();
+        let (report, written) =
+            batch::annotate(input, std::slice::from_ref(&self.output), self.config, options, &watch)?;
+        if self.following.keep_sidecar {
+            let options = Options { form: Form::Sidecar, force: true, ..options };
+            batch::annotate(input, &[self.appending.path().to_owned()], self.config, options, &watch)?;
+            self.checkpoint.remove()?;
+        } else {
+            self.tidy()?;
+        }
+        Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
+    }
+
+    /// Writes the annotated recording as the batch path does.
+    fn fold(&mut self, input: &Input, splits: &[Split], learned: &Learned) -> Result<(Report, Written), Error> {
+        let watch = |_| self.stop.check();
+        let topics = learned.annotator.topics();
+        let mut followed: Vec<_> =
+            splits.iter().map(|split| Followed::new(&split.inventory, split.topics, &self.output)).collect();
+        let (mut blocks, mut at) = (0, 0);
+        self.appending.blocks(topics, &watch, |block| {
+            while splits.get(at).is_some_and(|split| split.blocks <= blocks) {
+                at += 1;
+            }
+            blocks += 1;
+            followed.get_mut(at).map_or(Ok(()), |split| split.keep(topics, block))
+        })?;
+        batch::fold(input, followed, learned, &self.output, self.config, self.following.options, &watch)
+    }
+
+    /// Makes a recording of the sidecar, to stay.
+    fn close(&mut self, sidecar: Option<Sidecar>, tell: Tell<'_>) -> Result<(), Error> {
+        if let Some(sidecar) = sidecar {
+            for piece in sidecar.close() {
+                if let Piece::Bytes(bytes) = piece {
+                    self.appending.put(&bytes);
+                }
+            }
+            self.patiently(tell, |shell| shell.appending.flush())?;
+        }
+        self.checkpoint.remove()
+    }
+}
+
+impl Course {
+    /// What is there of the recording, now that nothing more is added to it.
+    fn remains(&self, ending: Ending) -> Result<Remains, Error> {
+        if ending == Ending::Truncated {
+            return Ok(Remains::Nothing);
+        }
+        let Self { trail, done, growing, scan, .. } = self;
+        let Trail::Folder(folder) = trail else {
+            // The open file, since it may have lost its name.
+            let file = growing.file().try_clone().map_err(Error::io("read", growing.path()))?;
+            let recording = Recording::of_file(file, growing.path(), growing.length());
+            return Ok(match recording.original_in_it(scan.inventory())? {
+                Some(original) => Remains::Other(Input::of(original)),
+                None => Remains::Same(Input::of(recording)),
+            });
+        };
+        if !folder.exists() {
+            return Ok(Remains::Nothing);
+        }
+        let input = Input::as_it_is(folder)?;
+        let lengths = done.iter().map(|split| split.length).chain([growing.length()]);
+        let files = input.files().filter_map(|file| trail.name_of(file));
+        let same = files.eq(self.files()) && input.splits.iter().map(Recording::length).eq(lengths);
+        Ok(if same { Remains::Same(input) } else { Remains::Other(input) })
+    }
+}
+
+fn no_imu(trail: &Trail, splits: &[Split], learned: &Learned) -> Error {
+    let kind =
+        |id| splits.iter().find_map(|split| split.inventory.schemas().get(&id)).map_or("", |schema| &schema.name);
+    let channels = learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
+    batch::no_imu(trail.path(), channels)
+}

@@ -1,0 +1,125 @@
+//! Where the results of a watch go, and what they say of a recording: whether it was annotated, or is left alone. There
+//! is nothing else that a restart would need.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::found::Stamp;
+use super::{State, Watching, found};
+use crate::Error;
+use crate::record::Kind;
+use crate::run::bag;
+use crate::run::input::Input;
+use crate::run::partial::Partial;
+use crate::run::recording::{Recording, Watch};
+use crate::run::tail::sidecar_of;
+
+/// The file that says why a recording is left alone.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Quarantine {
+    pub(super) recording: PathBuf,
+    #[serde(flatten)]
+    pub(super) stamp: Stamp,
+    pub(super) reason: String,
+}
+
+impl Watching {
+    /// Where the result of a recording goes.
+    pub(super) fn output(&self, recording: &Path) -> PathBuf {
+        let ending = if is_folder(recording) { "annotated" } else { "annotated.mcap" };
+        self.place(recording, ending)
+    }
+
+    pub(super) fn quarantine(&self, recording: &Path) -> PathBuf {
+        self.place(recording, "quarantine.json")
+    }
+
+    fn place(&self, recording: &Path, ending: &str) -> PathBuf {
+        let within = recording.strip_prefix(&self.folder).unwrap_or(recording);
+        let place = self.out.as_ref().map_or_else(|| recording.to_owned(), |out| out.join(within));
+        let stem = if is_folder(recording) { recording.file_name() } else { recording.file_stem() };
+        place.with_file_name(format!("{}.{ending}", stem.unwrap_or_default().to_string_lossy()))
+    }
+
+    /// What the outputs say of a recording.
+    pub(super) fn state(&self, recording: &Path, stamp: &Stamp) -> State {
+        let output = self.output(recording);
+        if sidecar_of(&output).with_extension("checkpoint").exists() {
+            return State::Waiting;
+        }
+        // One that is younger than its result may be another one, of the same length.
+        let younger = Stamp::of(&output).is_some_and(|output| stamp.modified_ns > output.modified_ns);
+        if !younger && original_length(&output) == Some(stamp.length) {
+            return State::Annotated;
+        }
+        let quarantine = std::fs::read(self.quarantine(recording)).ok();
+        let quarantine = quarantine.and_then(|bytes| serde_json::from_slice::<Quarantine>(&bytes).ok());
+        match quarantine.is_some_and(|quarantine| quarantine.stamp == *stamp) {
+            true => State::Quarantined,
+            false => State::Waiting,
+        }
+    }
+
+    /// Whether nothing more is to be expected of a recording.
+    pub(super) fn is_finished(&self, recording: &Path, stamp: &Stamp) -> bool {
+        stamp.is_idle(self.following.idle) || found::is_finished(recording)
+    }
+
+    pub(super) fn write(&self, quarantine: &Quarantine) -> Result<(), Error> {
+        let path = self.quarantine(&quarantine.recording);
+        let partial = Partial::create(&path)?;
+        let written = serde_json::to_writer_pretty(partial.file(), quarantine);
+        written.map_err(|error| Error::io("write", &path)(error.into()))?;
+        partial.finish(false)
+    }
+}
+
+/// Sets aside what belongs to an earlier recording of the same name, one that went on after it had been given up, or one
+/// that was replaced.
+pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Result<(), Error> {
+    let sidecar = sidecar_of(output);
+    if sidecar.with_extension("checkpoint").exists() {
+        return Ok(());
+    }
+    if std::fs::metadata(&sidecar).is_ok_and(|metadata| metadata.len() > 0) {
+        set_aside(&sidecar)?;
+    }
+    let Some(original) = original_length(output) else { return Ok(()) };
+    let stamp =
+        Stamp::of(recording).ok_or_else(|| Error::io("read", recording)(std::io::ErrorKind::NotFound.into()))?;
+    let same = || Input::as_it_is(recording)?.is_same(&Input::as_it_is(output)?, watch);
+    if original != stamp.length || !same()? {
+        set_aside(output)?;
+    }
+    Ok(())
+}
+
+/// Gives a result another name, since its recording has lost its own.
+pub(super) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
+    let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
+    let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
+    let stem = name.strip_suffix(ending).unwrap_or(&name);
+    let mut names = (1_u32..).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
+    let aside = names.find(|path| !path.exists()).unwrap_or_default();
+    std::fs::rename(result, &aside).map_err(Error::io("rename", result))?;
+    Ok(aside)
+}
+
+/// Length of the recording that a result belongs to.
+fn original_length(output: &Path) -> Option<u64> {
+    let of_file = |file: &Path| match Recording::open(file).ok()?.kind().ok()? {
+        Kind::Annotated { original, .. } => Some(original.length()),
+        _ => None,
+    };
+    match output.is_dir() {
+        true => bag::files(output).iter().map(|name| of_file(&output.join(name))).sum(),
+        false => of_file(output),
+    }
+}
+
+/// A recording that is gone is known by its name.
+fn is_folder(recording: &Path) -> bool {
+    recording.is_dir() || recording.extension().is_none_or(|ending| ending != "mcap")
+}
