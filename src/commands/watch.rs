@@ -56,8 +56,8 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 tailed.output.display()
             );
         }
-        Verdict::Quarantined(reason) => warn!("{name}: left alone: {reason}"),
-        Verdict::Again(error, wait) => warn!("{name}: {error}; again in {} s", wait.as_secs()),
+        Verdict::Quarantined(reason) => warn!("left alone: {reason}"),
+        Verdict::Again(error, wait) => warn!("{error}; again in {} s", wait.as_secs()),
     }
     if json {
         let event = match verdict {

@@ -56,12 +56,22 @@ def record_rosbag(path, messages, compression, speed):
             writer.write(connections[channel.topic], message.log_time, message.data)
 
 
-def follow(stillpoint, record, start, name, count):
+def files(path):
+    """What a result consists of."""
+    parts = sorted(path.iterdir()) if path.is_dir() else [path]
+    return [(part.name if path.is_dir() else "", part.read_bytes()) for part in parts]
+
+
+def follow(stillpoint, record, start, name, count, whole_folder=False):
     """Follows what `record` writes, and compares the result with the batch run's."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bag" / "bag.mcap"
-        result = Path(folder) / "result.mcap"
-        tail = [stillpoint, "tail", path, "-o", result, "--json", "-q"]
+        followed = path.parent if whole_folder else path
+        result, batch = Path(folder) / "result", Path(folder) / "batch"
+        if start == "empty":
+            path.parent.mkdir()
+            path.touch()
+        tail = [stillpoint, "tail", followed, "-o", result, "--json", "-q"]
         recorder = subprocess.Popen([sys.executable, __file__, "record", *record, path])
         if start == "half-way":
             while not path.exists() or path.stat().st_size < 200_000 and recorder.poll() is None:
@@ -70,10 +80,9 @@ def follow(stillpoint, record, start, name, count):
         assert recorder.wait() == 0
         assert run.returncode == 0, (name, run.stderr)
         assert json.loads(run.stdout.splitlines()[-1])["messages"] == count, name
-        batch = Path(folder) / "batch.mcap"
-        subprocess.run([stillpoint, "annotate", path, "-o", batch, "-q"], check=True)
-        assert result.read_bytes() == batch.read_bytes(), f"{name}: tail and batch differ"
-        print(f"{name}: the same {result.stat().st_size} bytes")
+        subprocess.run([stillpoint, "annotate", followed, "-o", batch, "-q"], check=True)
+        assert files(result) == files(batch), f"{name}: tail and batch differ"
+        print(f"{name}: the same {sum(len(data) for _, data in files(result))} bytes")
 
 
 def messages_of(recording):
@@ -83,11 +92,15 @@ def messages_of(recording):
 
 def main(stillpoint, recording, speed="200"):
     count = len(messages_of(recording))
-    runs = [("mcap", compression.name) for compression in (CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD)]
-    runs += [("rosbags", ""), ("rosbags", "zstd")]
-    for writer, compression in runs:
+    for compression in (CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD):
+        for start in ("before", "empty", "half-way"):
+            record = [recording, "mcap", compression.name, speed]
+            follow(stillpoint, record, start, f"mcap {compression.name} {start}", count)
+    for compression in ("", "zstd"):
         for start in ("before", "half-way"):
-            follow(stillpoint, [recording, writer, compression, speed], start, f"{writer} {compression} {start}", count)
+            for whole_folder in (False, True):
+                name = f"rosbags {compression} {start}{' as a folder' if whole_folder else ''}"
+                follow(stillpoint, [recording, "rosbags", compression, speed], start, name, count, whole_folder)
 
 
 if __name__ == "__main__":
@@ -97,7 +110,7 @@ if __name__ == "__main__":
         # The tail is there first.
         time.sleep(0.3)
         if writer == "mcap":
-            path.parent.mkdir()
+            path.parent.mkdir(exist_ok=True)
             record_mcap(path, messages, CompressionType[compression], float(speed))
         else:
             record_rosbag(path, messages, compression, float(speed))

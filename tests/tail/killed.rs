@@ -143,14 +143,10 @@ fn a_checkpoint_that_cannot_be_read_is_not_gone_on_with() {
     wait_for("a checkpoint", || length(&checkpoint) > 5000);
     tail.kill();
     let (good, sidecar) = (std::fs::read(&checkpoint).unwrap(), folder.read("rec.stillpoint.mcap"));
-    let version = |bytes: &mut Vec<u8>| bytes[14..16].copy_from_slice(b"99");
-    let flip = |bytes: &mut Vec<u8>| bytes[3000] ^= 1;
-    let cut = |bytes: &mut Vec<u8>| bytes.truncate(10);
-    let ways: [(&dyn Fn(&mut Vec<u8>), &str); 3] =
-        [(&version, "is of another version"), (&flip, "is damaged"), (&cut, "is damaged")];
-    for (change, why) in ways {
+    // A digit of its version, and a bit of what it holds.
+    for (at, why) in [(15, "is of another version"), (3000, "is damaged")] {
         let mut bytes = good.clone();
-        change(&mut bytes);
+        bytes[at] ^= 1;
         folder.write("rec.stillpoint.checkpoint", &bytes);
         folder.write("rec.stillpoint.mcap", &sidecar);
         let run = folder.say("tail rec.mcap --idle-timeout 200ms --accept-damage --force").ok();

@@ -380,7 +380,7 @@ fn a_service_does_not_grow_with_what_it_has_done() {
         grown.extend(resident());
     }
     running.kill();
-    println!("resident after each third, kB: {grown:?}");
+    eprintln!("resident after each third, kB: {grown:?}");
     if let [_, second, third] = grown[..] {
         assert!(third < second + (8 << 10), "{grown:?} kB");
     }
