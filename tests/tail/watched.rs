@@ -217,7 +217,16 @@ fn what_a_service_counts_adds_up() {
     let expected = [messages as f64, rests as f64, bytes as f64, 0.0, 0.0];
     wait_for("the last count", || counted() == expected);
     let (_, text) = get(&folder, "/metrics");
-    assert!(metric(&text, "stillpoint_samples_total") >= messages as f64 && !text.contains("lag_bytes{"));
+    let published = |seed| {
+        let result = folder.read(&format!("out/{seed}.annotated.mcap"));
+        let messages = mcap::MessageStream::new(&result).unwrap().map(Result::unwrap);
+        messages.filter(|message| message.channel.topic.ends_with("/stillpoint/calibration")).count()
+    };
+    let refits: usize = (0..3).map(published).sum();
+    assert_eq!((refits > 0, metric(&text, "stillpoint_refits_total")), (true, refits as f64));
+    // Each message holds a reading of the accelerometer and one of the gyroscope.
+    assert_eq!(metric(&text, "stillpoint_samples_total"), 2.0 * messages as f64);
+    assert!(!text.contains("lag_bytes{"), "{text}");
     assert!(get(&folder, "/healthz").0.contains("200") && get(&folder, "/readyz").0.contains("200"));
     assert!(get(&folder, "/").0.contains("404"));
 
