@@ -125,7 +125,7 @@ pub struct Annotate {
 
 #[derive(Debug, Args)]
 pub struct Tail {
-    /// The recording; it may not be there yet
+    /// The recording, a file or a rosbag2 folder; it may not be there yet
     pub input: PathBuf,
     /// Where to write [default: INPUT's name with .annotated.mcap]. Until then, its name with .stillpoint.mcap grows
     #[arg(short, long, value_name = "OUT")]
@@ -161,7 +161,7 @@ pub struct Tail {
 
 #[derive(Debug, Args)]
 pub struct Watch {
-    /// Where recordings appear, in its folders too
+    /// Where recordings appear, files and rosbag2 folders, in its folders too
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
     /// Folder to write into, under the same names and folders [default: beside the recordings]
