@@ -3,6 +3,9 @@
 
 mod common;
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
+
 use common::Folder;
 use serde_json::{Value, json};
 use stillpoint::Error;
@@ -312,4 +315,32 @@ fn a_rate_table_with_a_reference_topic_calibrates_the_full_model() {
     let topics = folder.say("topics table.mcap -c table.toml").ok().stdout;
     assert!(topics.contains("reference force of /imu/data_raw"), "{topics}");
     folder.refuses("annotate table.mcap --set fit.model=full", 2, &["fit.model", "needs a reference"]);
+}
+
+#[test]
+fn with_every_channel_id_taken_nothing_is_lost_and_the_sidecar_is_advised() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    let crowded = |messages: &[mcap::Message<'_>]| {
+        let mut file = Cursor::new(Vec::new());
+        let mut writer = mcap::Writer::new(&mut file).unwrap();
+        messages.iter().for_each(|message| writer.write(message).unwrap());
+        let schema = writer.add_schema("anything", "jsonschema", b"{}").unwrap();
+        let used: BTreeSet<_> = messages.iter().map(|message| message.channel.topic.as_str()).collect();
+        // The writer overflows at the last one.
+        for n in used.len()..usize::from(u16::MAX - 1) {
+            writer.add_channel(schema, &format!("/{n}"), "json", &BTreeMap::new()).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        file.into_inner()
+    };
+    let messages: Vec<_> = mcap::MessageStream::new(&demo).unwrap().map(Result::unwrap).collect();
+    folder.write("imu.mcap", &crowded(&messages));
+    folder.refuses("annotate imu.mcap", 1, &["imu.mcap: ", "channel ids", "taken", "--sidecar"]);
+    folder.say("annotate imu.mcap --sidecar -q").ok();
+    folder.write("none.mcap", &crowded(&[]));
+    folder.say("annotate none.mcap --allow-no-imu -q").ok();
+    folder.say("strip none.annotated.mcap -o back.mcap -q").ok();
+    assert!(folder.read("back.mcap") == folder.read("none.mcap"), "strip does not give the original back");
 }
