@@ -174,7 +174,8 @@ def memory(tools, folder, options):
     failed = []
     for form in (0, 1):
         values = [peak[form] for peak in peaks.values()]
-        if any(abs(value / values[0] - 1) > 0.1 for value in values):
+        # Small chunks take less room than those of a megabyte that wait to be read: less is no growth.
+        if any(value / values[0] > 1.1 for value in values):
             failed.append(f"peak memory: {values} MiB")
     return failed
 
