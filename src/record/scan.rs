@@ -1,33 +1,36 @@
 //! A recording's bytes in, its messages out: a state machine that asks for bytes and never waits for them.
 //! What the messages mean is left to [`imu`](crate::imu), reading files and waiting for more to the shell.
 
+mod attachments;
 mod bounds;
 mod data_crc;
 mod data_section;
+mod event;
 mod guide;
-mod reindexing;
+mod message_indexes;
 mod search;
 mod summary_section;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fmt;
 use std::ops::Range;
 
 use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
+use self::attachments::Attaching;
 use self::bounds::Bounds;
 use self::data_crc::DataCrc;
-use self::data_section::{Attaching, OpenChunk, Telling};
+use self::data_section::Telling;
+pub use self::event::{Damage, Event};
 use self::guide::{Asking, Guide};
-use self::reindexing::Reindexing;
+use self::message_indexes::{OpenChunk, Reindexing};
 use self::search::Search;
 use self::summary_section::SummarySection;
 use super::chunk::{Inflate, Opened};
 use super::horizon::{Extent, Frame, Horizon, Stop};
 use super::shape::Measure;
 use super::wire::{FRAME, op};
-use super::{Channel, Error, Inventory, Message, Schema};
+use super::{Error, Inventory, Message};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
 ///
@@ -96,46 +99,6 @@ pub enum Supply {
     Absent,
 }
 
-/// What a [`Scan`] has to tell.
-#[derive(Debug)]
-pub enum Event<'a> {
-    /// At least `length` bytes are needed from byte `offset` of the recording on: [`Scan::insert`] them.
-    Read {
-        /// Where they stand.
-        offset: u64,
-        /// How many are needed at least.
-        length: usize,
-    },
-    /// A chunk record begins here: say what becomes of it with [`Scan::supply`].
-    Chunk {
-        /// Where it stands.
-        offset: u64,
-        /// Length of its body.
-        length: u64,
-    },
-    /// Everything whole has been told. Go on after [`Scan::extend`] or [`Scan::finish`].
-    Wait,
-    /// The header of the recording.
-    Header {
-        /// Conventions that it follows, `ros2` for instance.
-        profile: &'a str,
-        /// The program that wrote it.
-        library: &'a str,
-    },
-    /// A schema, the first time.
-    Schema(&'a Schema),
-    /// A channel, the first time; before its messages, except for those that only the summary knows.
-    Channel(&'a Channel),
-    /// A message.
-    Message(Message<'a>),
-    /// The chunk of the messages just told has ended. A message outside a chunk counts as one.
-    ChunkEnd,
-    /// Something is not as it should be. What is whole is told all the same.
-    Damage(Damage),
-    /// Nothing follows.
-    End,
-}
-
 /// Where a scan stands between two records in front of the summary, to be taken up again.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Position {
@@ -152,27 +115,6 @@ impl Position {
     /// The profile that the recording's header states.
     pub fn profile(&self) -> &str {
         self.inventory.profile()
-    }
-}
-
-/// Something that is wrong with a recording.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Damage {
-    /// Byte in the recording.
-    pub offset: u64,
-    /// So many bytes from there on are not used.
-    pub length: u64,
-    /// What was found there, in words.
-    pub what: String,
-}
-
-impl fmt::Display for Damage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "at byte {}: {}", self.offset, self.what)?;
-        match self.length {
-            0 => Ok(()),
-            length => write!(f, "; {length} bytes are not used"),
-        }
     }
 }
 

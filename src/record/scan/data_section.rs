@@ -1,22 +1,17 @@
-//! The records in front of DataEnd: chunks, messages, attachments, metadata.
+//! The records in front of DataEnd. What stands behind a chunk is left to [`message_indexes`](super::message_indexes),
+//! attachments to [`attachments`](super::attachments).
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crc32fast::Hasher;
-use serde::{Deserialize, Serialize};
-
-use super::data_crc::DataCrc;
-use super::reindexing::Reindexing;
+use super::message_indexes::OpenChunk;
 use super::search::HEAD;
 use super::{Scan, Stage, Step, Supply, within};
 use crate::record::Message;
 use crate::record::chunk::{Content, Inflate, LIMIT, Opened, Place, locate};
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::inventory::Learned;
-use crate::record::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_message_index, parse_metadata};
-use crate::record::shape::{Measure, measure};
-use crate::record::survey::{Survey, Tally};
+use crate::record::records::{ChunkIndex, Header, MetadataIndex, parse_metadata};
+use crate::record::survey::Survey;
 use crate::record::wire::{FRAME, Fields, op};
 
 /// How far the log time of a message outside the chunks may lie from theirs, in nanoseconds (a day).
@@ -34,39 +29,6 @@ pub(super) struct Telling {
     pub(super) at: Range<usize>,
     /// Whether the end of a chunk is to be told.
     pub(super) ends: bool,
-}
-
-/// A chunk whose message indexes may follow.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct OpenChunk {
-    index: ChunkIndex,
-    /// Its messages, by channel; `None` of a chunk that is not read.
-    tallies: Option<BTreeMap<u16, Tally>>,
-    /// First and last log time by the indexes of a chunk that is not read.
-    span: Option<(u64, u64)>,
-    /// Whether something that may have been a message index stood behind it, in order or not.
-    pub(super) followed: bool,
-}
-
-impl OpenChunk {
-    /// The channel that a message index is about, if what it says of its messages is true. Of a chunk that is not read,
-    /// it is believed.
-    fn agrees(&self, body: &[u8]) -> Option<u16> {
-        let (channel, entries) = parse_message_index(body)?;
-        let Some(tallies) = &self.tallies else { return Some(channel) };
-        let mut told = Tally::default();
-        entries.for_each(|(log_time, offset)| told.add(log_time, offset));
-        (tallies.get(&channel).copied().unwrap_or_default() == told).then_some(channel)
-    }
-
-    /// Whether a record has no other content than the index of some of its messages.
-    fn is_indexed_by(&self, body: &[u8]) -> bool {
-        measure(op::MESSAGE_INDEX, body) == Measure::Says(body.len() as u64)
-            && self
-                .agrees(body)
-                .zip(self.tallies.as_ref())
-                .is_some_and(|(channel, tallies)| tallies.contains_key(&channel))
-    }
 }
 
 impl Telling {
@@ -90,31 +52,6 @@ impl Telling {
                 return true;
             }
         }
-    }
-}
-
-/// An attachment whose CRC is being computed; it is never held in memory.
-pub(super) struct Attaching {
-    frame: Frame,
-    index: AttachmentIndex,
-    crc: Hasher,
-    left: u64,
-}
-
-impl Attaching {
-    /// Takes what is buffered, until all attached bytes have been seen and the stored CRC is buffered.
-    pub(super) fn hash(&mut self, horizon: &mut Horizon, data: &mut DataCrc) -> Result<(), Stop> {
-        while self.left > 0 {
-            horizon.peek(1)?;
-            let buffered = horizon.buffered();
-            let taken = buffered.get(..self.left.min(buffered.len() as u64) as usize).unwrap_or_default();
-            self.crc.update(taken);
-            data.update(Some(taken));
-            let taken = taken.len() as u64;
-            self.left -= taken;
-            horizon.skip(taken);
-        }
-        horizon.peek(4).map(|_| ())
     }
 }
 
@@ -338,68 +275,6 @@ impl Scan {
         }
     }
 
-    fn message_index_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let body = self.horizon.body(frame, LIMIT)?;
-        let about = parse_message_index(body).map(|(channel, _)| channel);
-        let agrees = self.chunk.as_ref().is_some_and(|chunk| chunk.agrees(body).is_some());
-        let Some(channel) = about else {
-            self.reject(frame, "a malformed message index");
-            return Ok(());
-        };
-        self.inventory.mentioned.insert(channel);
-        match &mut self.chunk {
-            Some(OpenChunk { index, tallies, span, .. }) if agrees => {
-                if tallies.is_none() && !index.message_indexes.contains_key(&channel) {
-                    let (count, times) = extent(body);
-                    *span = span.iter().chain(&times).copied().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
-                    self.inventory.count_unread(channel, count, times);
-                }
-                // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
-                if frame.offset == index.offset + index.length + index.message_indexes_length {
-                    index.message_indexes.insert(channel, frame.offset);
-                    index.message_indexes_length += frame.end() - frame.offset;
-                }
-            }
-            Some(_) => {
-                self.reject(frame, format!("a message index of channel {channel} that does not agree with its chunk"))
-            }
-            None if self.orphans => {}
-            None => {
-                self.orphans = true;
-                self.reject(frame, "a message index without its chunk");
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether what looks like something else is a message index, of which the opcode alone is damaged.
-    pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
-        let Some(chunk) = &self.chunk else { return Ok(false) };
-        if frame.opcode == op::MESSAGE_INDEX || !(6..=LIMIT).contains(&frame.length) {
-            return Ok(false);
-        }
-        match measure(op::MESSAGE_INDEX, self.horizon.body(frame, 6)?) == Measure::Says(frame.length) {
-            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?)),
-            false => Ok(false),
-        }
-    }
-
-    /// All message indexes of the last chunk have been seen, and this record follows, if it is known. Whether the chunk
-    /// must be looked at again before going on: behind damaged or missing indexes, or a recording's end.
-    pub(super) fn close_chunk(&mut self, next: Option<Frame>) -> bool {
-        let Some(OpenChunk { mut index, tallies, span, followed }) = self.chunk.take() else { return false };
-        (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
-        let is_missing = |channel| !index.message_indexes.contains_key(channel);
-        let is_incomplete = tallies.iter().flat_map(BTreeMap::keys).any(is_missing);
-        let by_choice = !followed && next.is_some_and(|next| is_usual_behind_chunk(next.opcode));
-        self.inventory.unindexed |= is_incomplete && by_choice;
-        match is_incomplete && !by_choice {
-            true => self.stage = Stage::Reindexing(Box::new(Reindexing::of(index, self.horizon.offset()))),
-            false => self.inventory.summary.index(&index),
-        }
-        is_incomplete && !by_choice
-    }
-
     fn metadata_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let length = frame.end() - frame.offset;
         match parse_metadata(self.horizon.body(frame, LIMIT)?) {
@@ -410,52 +285,4 @@ impl Scan {
         }
         Ok(())
     }
-
-    fn attachment_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let head = self.horizon.body(frame, HEAD)?;
-        let mut fields = Fields(head);
-        let index = AttachmentIndex::parse_attachment(&mut fields, frame.offset, frame.end() - frame.offset);
-        let size = head.len() - fields.0.len();
-        let room = frame.length.checked_sub(size as u64 + 4);
-        match index.filter(|index| room.is_some_and(|room| index.data_size <= room)) {
-            Some(index) => {
-                let mut crc = Hasher::new();
-                crc.update(head.get(..size).unwrap_or_default());
-                self.consume((FRAME + size) as u64);
-                let left = index.data_size;
-                self.stage = Stage::Attaching(Attaching { frame, index, crc, left });
-            }
-            None => {
-                self.reject(frame, "a malformed attachment record");
-                self.pass(frame);
-            }
-        }
-        Ok(())
-    }
-
-    /// All of an attachment has been seen.
-    pub(super) fn attached(&mut self) {
-        let Stage::Attaching(Attaching { frame, index, crc, .. }) = std::mem::take(&mut self.stage) else { return };
-        let stored = Fields(self.horizon.buffered()).u32().unwrap_or_default();
-        if stored == 0 || stored == crc.finalize() {
-            self.inventory.summary.attachments.push(index);
-        } else {
-            self.reject(frame, format!("attachment `{}`: its CRC does not hold", index.name));
-        }
-        self.pass(frame);
-    }
-}
-
-/// Whether a record of this opcode stands behind a chunk where a recorder writes no message indexes.
-fn is_usual_behind_chunk(opcode: u8) -> bool {
-    matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END)
-}
-
-/// How many messages a message index names, and their first and last log time.
-fn extent(body: &[u8]) -> (u64, Option<(u64, u64)>) {
-    let entries = parse_message_index(body).map(|(_, entries)| entries);
-    entries.into_iter().flatten().fold((0, None), |(count, span), (time, _)| {
-        let (from, until) = span.unwrap_or((time, time));
-        (count + 1, Some((from.min(time), until.max(time))))
-    })
 }
