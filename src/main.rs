@@ -7,12 +7,13 @@ mod console;
 
 use clap::Parser as _;
 use std::process::ExitCode;
-use stillpoint::run::Stop;
+use stillpoint::run::{self, Stop};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     console::log_to_stderr(&cli);
+    run::allow_many_files();
 
     let stop = Stop::default();
     tokio::spawn(stop.clone().on_signal());

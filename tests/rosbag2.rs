@@ -158,6 +158,20 @@ fn joined_files_are_one_recording_in_the_order_of_time() {
 }
 
 #[test]
+fn a_folder_may_have_more_files_than_a_process_may_open_at_first() {
+    const FILES: usize = 40;
+    let folder = Folder::with_demo();
+    std::fs::create_dir(folder.path().join("bag")).unwrap();
+    let files = split(&folder.read("demo.mcap"), &[1; FILES]);
+    let names: Vec<String> = (0..FILES).map(|n| format!("bag_{n}.mcap")).collect();
+    names.iter().zip(&files).for_each(|(name, file)| folder.write(&format!("bag/{name}"), file));
+    folder.write("bag/metadata.yaml", bag_metadata(&names).as_bytes());
+    let program = env!("CARGO_BIN_EXE_stillpoint");
+    let script = format!("ulimit -Sn {FILES}; exec {program} annotate bag --set output.corrected=final");
+    common::finish(std::process::Command::new("bash").args(["-c", &script]).current_dir(folder.path())).ok();
+}
+
+#[test]
 fn folders_that_cannot_be_read_are_refused_with_the_true_reason() {
     let folder = with_bag();
     let original = String::from_utf8(folder.read("bag/metadata.yaml")).unwrap();

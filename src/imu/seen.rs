@@ -1,0 +1,144 @@
+//! The IMUs that have been seen: one for each `frame_id` on a topic, with a name of its own, from the first reading of its
+//! accelerometer on. What is read is left to [`Route`].
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::route::{Route, Tap};
+use super::source::Source;
+use super::verdict::Cause;
+use super::{ImuId, Preset, Sensor};
+use crate::fit::SecondaryModel;
+
+/// An IMU that has been seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Imu {
+    /// What its annotation topics begin with. No two IMUs share one.
+    pub name: String,
+    /// Topic of its accelerometer.
+    pub topic: String,
+    /// Coordinate frame that its readings are in, as far as the messages tell.
+    pub frame_id: String,
+    /// Its triads as far as channels for them have been seen or configured.
+    pub triads: Vec<Triad>,
+    /// Whether a reference is beside it.
+    pub reference: bool,
+    /// By [`Sensor::index`]: whether it has read nothing but zeros so far.
+    pub(super) silent: Vec<bool>,
+}
+
+/// One triad of an IMU.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Triad {
+    /// Which one it is.
+    pub sensor: Sensor,
+    /// `accelerometer`, `gyroscope`, or the configured name of the secondary.
+    pub name: String,
+    /// Topic that its readings come from.
+    pub topic: String,
+    /// Which sensor it is, if the configuration says so.
+    pub preset: Option<Preset>,
+    /// Which measurement model it has, if it is a secondary accelerometer.
+    pub model: SecondaryModel,
+}
+
+impl Triad {
+    pub(super) fn gyroscope(topic: &str) -> Self {
+        Self {
+            sensor: Sensor::Gyroscope,
+            name: "gyroscope".to_owned(),
+            topic: topic.to_owned(),
+            preset: None,
+            model: SecondaryModel::default(),
+        }
+    }
+}
+
+/// `frame_id`s on one topic beyond which they are taken for noise.
+const MAX_FRAMES: usize = 16;
+
+/// Whose reading it is; nobody's before the accelerometer of the IMU has been seen.
+pub(super) fn owner(
+    source: &mut Source,
+    imus: &mut Vec<Imu>,
+    route: &mut Route,
+    tap: usize,
+    frame: &[u8],
+    appears: bool,
+) -> Result<Option<ImuId>, Cause> {
+    if route.taps.get(tap).is_some_and(|tap| tap.with_accel) {
+        match source.imus.iter().find(|(own, _)| own == frame) {
+            Some(&(_, id)) => Ok(Some(id)),
+            None if appears => add(source, imus, route, frame).map(Some).ok_or(Cause::TooManyFrames),
+            None => Ok(None),
+        }
+    } else if route.in_order {
+        let place = route.frames.iter().position(|own| own == frame).unwrap_or(route.frames.len());
+        if place == MAX_FRAMES {
+            return Err(Cause::TooManyFrames);
+        }
+        if place == route.frames.len() {
+            route.frames.push(frame.to_vec());
+        }
+        Ok(source.imus.get(place).map(|&(_, id)| id))
+    } else if route.frames.first().is_some_and(|own| own == frame) {
+        Ok(source.imus.first().map(|&(_, id)| id))
+    } else {
+        Err(Cause::ForeignFrame)
+    }
+}
+
+/// Adds the IMU of a new `frame_id`, unless there are too many already.
+fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) -> Option<ImuId> {
+    if source.imus.len() >= MAX_FRAMES {
+        return None;
+    }
+    let id = ImuId(imus.len());
+    let frame_id = String::from_utf8_lossy(frame).into_owned();
+    let first = source.imus.is_empty();
+    let gyro = route.taps.iter().any(|tap: &Tap| tap.sensor == Sensor::Gyroscope);
+    let triads = source.triads(gyro).filter(|(.., topic)| first || *topic == source.topic());
+    let triad = |(sensor, name, topic): (_, &str, &str)| {
+        let (preset, model) = (source.preset(sensor), source.model(sensor));
+        Triad { sensor, name: name.to_owned(), topic: topic.to_owned(), preset, model }
+    };
+    let triads = triads.map(triad).collect();
+    let silent = vec![true; Sensor::Secondary(source.secondaries()).index()];
+    let name = free_name(source.name(), (!first).then_some(&frame_id), imus);
+    let reference = source.has_reference() && first;
+    imus.push(Imu { name, topic: source.topic().to_owned(), frame_id, triads, reference, silent });
+    source.imus.push((frame.to_vec(), id));
+    Some(id)
+}
+
+/// Lets a value through, unless the triad has read nothing but zeros so far.
+pub(super) fn admit(imus: &mut [Imu], id: ImuId, sensor: Sensor, value: Vector3<f64>) -> Result<Vector3<f64>, Cause> {
+    // A reference may well say that nothing moves.
+    if matches!(sensor, Sensor::Reference(_)) {
+        return Ok(value);
+    }
+    let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(sensor.index()));
+    if let Some(silent @ true) = silent {
+        *silent = is_zero(&value);
+        if *silent {
+            return Err(Cause::Zero);
+        }
+    }
+    Ok(value)
+}
+
+/// A name that no IMU has yet: the base, with the frame appended if it is not the first one, and a number if need be.
+fn free_name(base: String, frame: Option<&String>, imus: &[Imu]) -> String {
+    let legal = |c: char| if c.is_ascii_alphanumeric() || c == '/' { c } else { '_' };
+    let base = match frame {
+        Some(frame) => format!("{base}/{}", frame.trim_matches('/').chars().map(legal).collect::<String>()),
+        None => base,
+    };
+    let taken = |name: &str| imus.iter().any(|imu| imu.name == name);
+    let numbered = (2..).map(|n| format!("{base}_{n}"));
+    std::iter::once(base.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(base)
+}
+
+pub(super) fn is_zero(value: &Vector3<f64>) -> bool {
+    value.iter().all(|&axis| axis == 0.0)
+}
