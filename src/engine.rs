@@ -26,6 +26,7 @@
 //! assert_eq!(segment.map(|segment| segment.face.as_str()), Some("+Z"));
 //! ```
 
+mod attempt;
 mod book;
 mod drift;
 mod judge;
@@ -33,6 +34,7 @@ mod observe;
 mod outlier;
 mod preset;
 mod publish;
+mod publisher;
 mod reference;
 mod solve;
 mod suspicion;
@@ -45,7 +47,7 @@ use serde::{Deserialize, Serialize};
 
 use self::book::Book;
 use self::judge::Judge;
-use self::publish::Publisher;
+use self::publisher::Publisher;
 use self::reference::Reference;
 use self::solve::{Known, Solution};
 use self::suspicion::{Cause, Suspicion};
@@ -249,7 +251,9 @@ impl Engine {
     fn solve(&mut self) -> Solution {
         let Self { config, fixture, segmenter, book, publisher, turns, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
-        let step = segmenter.accel_step();
+        // The stream tells its step; of one that never rests on neighbouring values the datasheet does.
+        let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
+        let step = segmenter.accel_step().or(promised);
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
         let known = Known { gravity, step, kept: publisher.shape(), reference: reference.as_ref() };
         let mut solution = solve::solve(book.entries_mut(), &judge, config, &known);

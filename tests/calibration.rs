@@ -337,7 +337,7 @@ fn one_face_of_six_that_is_wrong_cannot_show_and_that_is_said() {
     let accelerometer = learn(&Session::new().accelerometer(truth()).rests(&ups, 4.0), config()).accelerometer();
     assert_eq!(accelerometer.status(), Status::Provisional);
     let notes = accelerometer.notes.join("\n");
-    assert!(notes.contains("a wrong one would not show") && notes.contains("fit.placement_std"), "{notes}");
+    assert!(notes.contains("a wrong one does not show") && notes.contains("fit.placement_std"), "{notes}");
 }
 
 #[test]

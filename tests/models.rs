@@ -4,11 +4,14 @@
 #[path = "common/session.rs"]
 mod session;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use stillpoint::engine::{Config, Engine, Message, Secondary};
 use stillpoint::fit::{
-    self, Calibration, FaceConfig, Fixture, FixtureConfig, Loss, Model, Refit, SecondaryModel, Solid, directions,
+    self, Bounds, Calibration, FaceConfig, Fixture, FixtureConfig, Loss, Model, Refit, SecondaryModel, Shape, Solid,
+    System, Term, directions, limits,
 };
 use stillpoint::imu::Sample;
 use stillpoint::messages::triad::Status;
@@ -287,14 +290,94 @@ fn refits_are_published_once_a_round_if_so_configured() {
     assert_eq!(revisions(Refit::Round), 3);
 }
 
-/// On a rate table, parameters and their bars against the truth of the scenario.
-#[test]
-fn a_reference_determines_the_full_model() {
-    let scenario = Scenario::builtin("rate-table").unwrap();
-    let truth = Truth::of(&scenario).unwrap();
-    let mut engine = Engine::new(Config { reference: true, ..config(Model::Full) });
+/// The minimiser by trying every combination of active bounds.
+fn brute_force(design: &DMatrix<f64>, target: &DVector<f64>, low: &[f64], high: &[f64]) -> DVector<f64> {
+    let n = design.ncols();
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    for code in 0..3_usize.pow(n as u32) {
+        let side = |i: usize| code / 3_usize.pow(i as u32) % 3;
+        let mut x = DVector::from_fn(n, |i, _| [0.0, low[i], high[i]][side(i)]);
+        let free: Vec<usize> = (0..n).filter(|&i| side(i) == 0).collect();
+        if !free.is_empty() {
+            let left = target - design * &x;
+            let columns = design.select_columns(&free);
+            let decomposition = columns.qr();
+            let solved = decomposition.r().solve_upper_triangular(&(decomposition.q().transpose() * left)).unwrap();
+            free.iter().zip(&solved).for_each(|(&i, value)| x[i] = *value);
+        }
+        let feasible = (0..n).all(|i| x[i] >= low[i] - 1e-12 && x[i] <= high[i] + 1e-12);
+        let objective = (design * &x - target).norm_squared();
+        if feasible && best.as_ref().is_none_or(|(least, _)| objective < *least) {
+            best = Some((objective, x));
+        }
+    }
+    best.unwrap().1
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    /// Of every model, the bounds on every kind of parameter. Where equations tell of one axis each, so do the active sets.
+    #[test]
+    fn every_model_within_its_bounds_is_what_trying_all_active_sets_finds(seed in any::<u64>()) {
+        let bounds = Bounds {
+            accel_bias: [-0.3, 0.3].into(),
+            accel_scale: [0.99, 1.01].into(),
+            accel_cross_axis: [-0.01, 0.01].into(),
+            accel_rate_sensitivity: [-0.01, 0.01].into(),
+            gyro_bias: [-0.02, 0.02].into(),
+            gyro_scale: [0.99, 1.01].into(),
+            gyro_cross_axis: [-0.01, 0.01].into(),
+            gyro_g_sensitivity: [-0.001, 0.001].into(),
+            gyro_g2_sensitivity: [-1e-4, 1e-4].into(),
+            ..Bounds::default()
+        };
+        let accelerometers = [Shape::DIAGONAL, Shape::TRIANGULAR, Shape::MATRIX, Shape::FULL_ACCELEROMETER];
+        let gyroscopes = [Shape::BIAS, Shape::GYROSCOPE_AT_REST, Shape::FULL_GYROSCOPE];
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        for shape in accelerometers.into_iter().chain(gyroscopes) {
+            let limits = limits(shape, |term| match gyroscopes.contains(&shape) {
+                true => bounds.gyroscope(term),
+                false => bounds.accelerometer(term),
+            });
+            // About as often beyond a bound as not.
+            let truth = DVector::from_fn(shape.unknowns(), |i, _| {
+                let (low, high) = (limits.0[i].max(-1.0), limits.1[i].min(1.0));
+                (low + high) / 2.0 + (high - low) * random.random_range(-1.0..1.0)
+            });
+            let mut system = System::new(shape);
+            let mut equations = vec![(Vec::new(), Vec::new()); 3];
+            for _ in 0..16 {
+                let mut any = |most: f64| Vector3::from_fn(|_, _| random.random_range(-most..most));
+                let truths = fit::Truth { own: any(9.8), other: any(3.0) };
+                let read = shape.jacobian(&truths) * &truth + any(0.05);
+                for axis in 0..3 {
+                    system.push(&Vector3::ith(axis, 1.0), &truths, read[axis], 1.0, 0.0);
+                    equations[axis].0.push(truths);
+                    equations[axis].1.push(read[axis]);
+                }
+            }
+            let solved = system.solve(&limits, Loss::Square).unwrap().solution.x;
+            for (axis, (truths, read)) in equations.iter().enumerate() {
+                let terms: Vec<(usize, Term)> =
+                    shape.terms().iter().copied().enumerate().filter(|(_, term)| term.axis() == axis).collect();
+                let design =
+                    DMatrix::from_fn(truths.len(), terms.len(), |r, c| terms[c].1.regressor(&truths[r]));
+                let side = |limits: &DVector<f64>| terms.iter().map(|(i, _)| limits[*i]).collect::<Vec<_>>();
+                let (low, high) = (side(&limits.0), side(&limits.1));
+                let expected = brute_force(&design, &DVector::from_vec(read.clone()), &low, &high);
+                for ((i, term), expected) in terms.iter().zip(&expected) {
+                    prop_assert!((solved[*i] - expected).abs() < 1e-9, "{shape:?} {term:?}: {} {expected}", solved[*i]);
+                }
+            }
+        }
+    }
+}
+
+/// The last calibration of a simulated session.
+fn simulated(scenario: &Scenario, config: Config) -> messages::Calibration {
+    let mut engine = Engine::new(config);
     let mut events = Vec::new();
-    for reading in samples(&scenario).unwrap() {
+    for reading in samples(scenario).unwrap() {
         let sample = Sample { stamp: reading.stamp, log_time: reading.stamp.nanos() as u64, value: reading.measured };
         engine.push(reading.sensor, &sample, &mut events);
     }
@@ -303,7 +386,50 @@ fn a_reference_determines_the_full_model() {
         Message::Calibration(calibration) => Some(*calibration),
         _ => None,
     });
-    let found = found.unwrap();
+    found.unwrap()
+}
+
+#[test]
+fn a_reference_stands_in_for_an_accurate_fixture() {
+    let mut scenario = Scenario::builtin("rate-table").unwrap();
+    // What the smaller model has no word for.
+    scenario.accelerometer.rate_sensitivity = None;
+    let truth = Truth::of(&scenario).unwrap();
+    let found = simulated(&scenario, Config { reference: true, ..config(Model::CrossAxis) });
+    let accelerometer = found.accelerometer.unwrap();
+    assert_eq!(accelerometer.model(), triad::Model::CrossAxis, "{:?}", accelerometer.notes);
+    let expected = Matrix3::from_fn(|r, c| truth.accelerometer.sensitivity[r][c]);
+    let off = matrix(&accelerometer.sensitivity) - expected;
+    let stds = matrix(&accelerometer.sensitivity_std);
+    assert!(off.iter().zip(&stds).all(|(off, std)| off.abs() < 4.0 * std), "{off} {stds}");
+    assert!(stds.max() < 1e-3, "{stds}");
+}
+
+#[test]
+fn a_secondary_errs_by_what_its_primary_leaves_out_too() {
+    let session = Session::new().secondary(Calibration::default()).rests(&faces(Solid::Cube), 5.0);
+    let secondary = vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }];
+    let calibration = learn(&session, Config { secondary, ..config(Model::BiasScale) }).calibration.unwrap();
+    let (primary, secondary) = (calibration.accelerometer.unwrap(), calibration.secondary[0].clone());
+    assert!(secondary.worst_case_error > Some(0.9 * primary.worst_case_error.unwrap()), "{secondary:?}");
+}
+
+#[test]
+fn what_would_confirm_a_calibration_is_said_in_the_words_of_its_model() {
+    let ups: Vec<_> = directions().step_by(2).collect();
+    let learned = learn(&Session::new().accelerometer(skewed()).rests(&ups[..10], 3.0), config(Model::Triangular));
+    assert_eq!(learned.accelerometer().status(), Status::Provisional);
+    assert_eq!(learned.next_step, "let it rest in 2 more directions, so that they can confirm the calibration");
+    let learned = learn(&Session::new().rests(&faces(Solid::Cube), 3.0), config(Model::BiasScale));
+    assert_eq!(learned.next_step, "place any 3 faces once more, so that repeats can confirm the calibration");
+}
+
+/// On a rate table, parameters and their bars against the truth of the scenario.
+#[test]
+fn a_reference_determines_the_full_model() {
+    let scenario = Scenario::builtin("rate-table").unwrap();
+    let truth = Truth::of(&scenario).unwrap();
+    let found = simulated(&scenario, Config { reference: true, ..config(Model::Full) });
     let rows = |rows: [[f64; 3]; 3]| rows.concat();
     for (triad, truth, unknowns) in [
         (found.accelerometer.unwrap(), truth.accelerometer, 21),

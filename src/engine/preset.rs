@@ -2,7 +2,7 @@
 //! otherwise stays.
 
 use super::Config;
-use crate::fit::Bounds;
+use crate::fit::{self, Bounds};
 use crate::imu::{Preset, Promise};
 use crate::still;
 
@@ -14,13 +14,21 @@ impl Config {
     pub fn of(mut self, preset: Preset) -> Self {
         let sheet = preset.datasheet();
         let (still, bounds) = (still::Config::default(), Bounds::default());
-        let Promise { noise, bias, scale, .. } = sheet.accelerometer;
+        let Promise { noise, bias, scale, placement, .. } = sheet.accelerometer;
         set(&mut self.still.accel_ceiling, still.accel_ceiling, BENCH * noise);
         set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, [-bias, bias].into());
-        set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.into());
-        if let Some(Promise { noise, bias, .. }) = sheet.gyroscope {
+        if let Some(scale) = scale {
+            set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.into());
+        }
+        if let Some(placement) = placement {
+            set(&mut self.fit.placement_std, fit::Config::default().placement_std, placement);
+        }
+        if let Some(Promise { noise, bias, scale, .. }) = sheet.gyroscope {
             set(&mut self.still.gyro_ceiling, still.gyro_ceiling, BENCH * noise);
             set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, [-bias, bias].into());
+            if let Some(scale) = scale {
+                set(&mut self.fit.bounds.gyro_scale, bounds.gyro_scale, scale.into());
+            }
         }
         self.preset = Some(preset);
         self
@@ -32,7 +40,9 @@ pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
     let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
     let default = Bounds::default();
     set(&mut bounds.secondary_bias, default.secondary_bias, [-bias, bias].into());
-    set(&mut bounds.secondary_scale, default.secondary_scale, scale.into());
+    if let Some(scale) = scale {
+        set(&mut bounds.secondary_scale, default.secondary_scale, scale.into());
+    }
     bounds
 }
 
@@ -55,5 +65,7 @@ mod tests {
         let most = config.fit.bounds.accel_bias.of(0)[1];
         assert!((most - 1.74).abs() < 0.01, "{most}");
         assert!(config.still.gyro_ceiling < still::Config::default().gyro_ceiling);
+        // 1.5 mg a kelvin.
+        assert!((config.fit.placement_std - 0.0147).abs() < 1e-4, "{}", config.fit.placement_std);
     }
 }

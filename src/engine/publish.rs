@@ -1,14 +1,13 @@
-//! What an engine knows, as messages, and which of it is news.
+//! What an engine knows, as messages. Which of it is news is left to [`Publisher`](super::publisher::Publisher).
 
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::book::{Book, Entry};
 use super::solve::Solution;
 use super::words;
 use super::{Config, Secondary};
 use crate::Stamp;
-use crate::fit::{Estimate, Fixture, Refit, Shape, Term};
+use crate::fit::{Estimate, Fixture, Shape, Term};
 use crate::imu::Sensor;
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
@@ -16,90 +15,6 @@ use crate::still::TriadMean;
 
 /// So many repeats of a face confirm a calibration.
 pub(super) const CONFIRMING_REPEATS: usize = 3;
-
-/// The placements since the last published calibration of the accelerometer.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Round {
-    /// Whether it is time for another.
-    is_whole: bool,
-    /// End of the last rest.
-    end: Option<Stamp>,
-}
-
-/// Remembers what was published.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Publisher {
-    #[serde(serialize_with = "encode", deserialize_with = "decode")]
-    coverage: Option<messages::Coverage>,
-    #[serde(serialize_with = "encode", deserialize_with = "decode")]
-    calibration: Option<messages::Calibration>,
-    /// The end of the last rest that a published calibration of the accelerometer knew.
-    round: Option<Stamp>,
-}
-
-impl Publisher {
-    /// The coverage, if it is another than before.
-    pub(super) fn coverage(&mut self, coverage: messages::Coverage) -> Option<messages::Coverage> {
-        let same = self.coverage.as_ref().is_some_and(|last| {
-            last.faces == coverage.faces && last.complete == coverage.complete && last.next_step == coverage.next_step
-        });
-        if same {
-            return None;
-        }
-        self.coverage = Some(coverage.clone());
-        Some(coverage)
-    }
-
-    /// How far the round of placements is that followed the last published calibration of the accelerometer.
-    pub(super) fn round(&self, book: &Book, fixture: &Fixture, refit: Refit) -> Round {
-        let accepted = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
-        let fresh = |face: usize| {
-            accepted().any(|entry| entry.verdict.face() == Some(face) && self.round < Some(entry.rest.start))
-        };
-        let is_whole = refit == Refit::Segment || (0..fixture.faces().len()).all(fresh);
-        Round { is_whole, end: accepted().map(|entry| entry.rest.end).max() }
-    }
-
-    /// The model of the accelerometer that was published last, if that was determined.
-    pub(super) fn shape(&self) -> Option<Shape> {
-        match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
-            Model::BiasScale => Some(Shape::DIAGONAL),
-            Model::Triangular => Some(Shape::TRIANGULAR),
-            Model::CrossAxis => Some(Shape::MATRIX),
-            Model::Full => Some(Shape::FULL_ACCELEROMETER),
-            _ => None,
-        }
-    }
-
-    /// The calibration with its revision, if it is worth publishing: a parameter moved by half a standard deviation, a
-    /// standard deviation shrank by a tenth, a verdict changed; at the end of the recording, if more rests entered.
-    pub(super) fn calibration(
-        &mut self,
-        mut calibration: messages::Calibration,
-        at_end: bool,
-        round: Round,
-    ) -> Option<messages::Calibration> {
-        if !(at_end || round.is_whole || self.round.is_none()) {
-            return None;
-        }
-        let worth = match &self.calibration {
-            None => triads(&calibration).any(is_determined),
-            Some(last) => {
-                at_end && last.segments != calibration.segments
-                    || triads(last).zip(triads(&calibration)).any(|(last, now)| is_news(last, now))
-            }
-        };
-        if !worth {
-            return None;
-        }
-        calibration.revision = self.calibration.as_ref().map_or(1, |last| last.revision + 1);
-        if calibration.accelerometer.as_ref().is_some_and(is_determined) {
-            self.round = round.end;
-        }
-        self.calibration = Some(calibration.clone());
-        Some(calibration)
-    }
-}
 
 pub(super) fn header(stamp: Stamp, frame_id: &str) -> messages::Header {
     messages::Header { stamp: Some(stamp.into()), frame_id: frame_id.to_owned() }
@@ -229,7 +144,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     notes.extend(words::refused(solution));
     notes.extend(words::caveats(solution, fit, config.fit.placement_std));
     notes.extend(solution.coarse_step.map(words::coarse));
-    notes.extend(words::assumed_gravity(solution.gravity));
+    notes.push(words::assumed_gravity(solution.gravity));
     Triad {
         status: accelerometer_status(solution).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
@@ -351,52 +266,10 @@ fn triad_mean(sensor: &str, mean: &TriadMean) -> messages::TriadMean {
     }
 }
 
-fn triads(calibration: &messages::Calibration) -> impl Iterator<Item = &Triad> {
-    calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary)
-}
-
-fn is_determined(triad: &Triad) -> bool {
-    triad.status() != Status::Undetermined
-}
-
-fn is_news(last: &Triad, now: &Triad) -> bool {
-    if last.status() != now.status() || last.model() != now.model() {
-        return true;
-    }
-    let old = parameters_of(last).zip(stds_of(last));
-    let new = parameters_of(now).zip(stds_of(now));
-    // What is not estimated has no deviation, and never moves.
-    old.zip(new)
-        .filter(|((_, was_std), _)| *was_std > 0.0)
-        .any(|((was, was_std), (is, is_std))| (is - was).abs() >= 0.5 * was_std || is_std <= 0.9 * was_std)
-}
-
-fn parameters_of(triad: &Triad) -> impl Iterator<Item = f64> {
-    components(triad.bias.as_ref()).chain(triad.sensitivity.clone())
-}
-
-fn stds_of(triad: &Triad) -> impl Iterator<Item = f64> {
-    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone())
-}
-
-fn components(vector: Option<&messages::Vector3>) -> impl Iterator<Item = f64> {
-    vector.map(|v| [v.x, v.y, v.z]).into_iter().flatten()
-}
-
 fn vector(v: &Vector3<f64>) -> messages::Vector3 {
     messages::Vector3 { x: v.x, y: v.y, z: v.z }
 }
 
 fn row_major(matrix: &Matrix3<f64>) -> Vec<f64> {
     matrix.transpose().as_slice().to_vec()
-}
-
-/// A message is kept as its bytes.
-fn encode<M: prost::Message, S: Serializer>(message: &Option<M>, serializer: S) -> Result<S::Ok, S::Error> {
-    message.as_ref().map(M::encode_to_vec).serialize(serializer)
-}
-
-fn decode<'de, M: prost::Message + Default, D: Deserializer<'de>>(deserializer: D) -> Result<Option<M>, D::Error> {
-    let bytes = Option::<Vec<u8>>::deserialize(deserializer)?;
-    bytes.map(|bytes| M::decode(bytes.as_slice())).transpose().map_err(serde::de::Error::custom)
 }

@@ -1,24 +1,22 @@
-//! From the remembered rests to what they determine of each triad: which rests are good depends on the calibration, and
-//! which model on the rests. How rests become observations is left to `observe`.
+//! From the remembered rests to what they determine of each triad. How one model of the primary accelerometer is tried is
+//! left to `attempt`, how rests become observations to `observe`.
 
 use nalgebra::Vector3;
 
 use super::Config;
+use super::attempt::{self, Attempt, Trial};
 use super::book::{Entry, Verdict};
-use super::drift::{Drift, drift};
+use super::drift::Drift;
 use super::judge::{Judge, Poses};
 use super::observe::{self, Placed};
-use super::outlier::{self, Doubt, LeftOut, Sound};
 use super::preset::secondary_bounds;
 use super::reference::Reference;
 use super::suspicion::Suspicion;
 use super::words;
-use crate::fit::accelerometer::Assumptions;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Loss, Model, Place, Reading, SecondaryModel, Shape, Source, accelerometer,
-    directions, guess, gyroscope, posed, secondary,
+    self, Calibration, Estimate, Gravity, Model, Place, Reading, SecondaryModel, Shape, Source, directions, guess,
+    gyroscope, secondary,
 };
-use crate::messages::segment::Reason;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.
@@ -97,8 +95,10 @@ pub(super) fn solve(entries: &mut [Entry], judge: &Judge<'_>, config: &Config, k
     for &shape in candidates(config.fit.model, known.reference.is_some()) {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
         attempt = match known.reference {
-            Some(reference) if beside_reference(shape) => by_reference(entries, judge, shape, reference, known, start),
-            _ => self::attempt(entries, judge, &Trial { shape, known }, start),
+            Some(reference) if beside_reference(shape) => {
+                attempt::on_reference(entries, judge, &Trial { shape, known }, reference, start)
+            }
+            _ => attempt::on_rests(entries, judge, &Trial { shape, known }, start),
         };
         match &attempt.fit {
             Ok(_) => break,
@@ -123,180 +123,15 @@ fn candidates(model: Model, reference: bool) -> &'static [Shape] {
     }
 }
 
-/// What to try.
-struct Trial<'a> {
-    shape: Shape,
-    known: &'a Known<'a>,
-}
-
 /// Whether a model of the accelerometer is fitted on a reference where there is one.
 fn beside_reference(shape: Shape) -> bool {
     shape == Shape::FULL_ACCELEROMETER || shape == Shape::MATRIX
 }
 
-/// A model tried on a reference; the rests are only told their faces.
-fn by_reference(
-    entries: &mut [Entry],
-    judge: &Judge<'_>,
-    shape: Shape,
-    reference: &Reference,
-    known: &Known<'_>,
-    start: Calibration,
-) -> Attempt {
-    let (poses, floor) = (Poses::Any, judge.segmenter.status().accel_floor.map(per_axis));
-    let fit = reference.accelerometer(shape, judge.fit, floor);
-    let calibration = fit.as_ref().map_or(start, Estimate::calibration);
-    judge.assign_faces(entries, &calibration, poses);
-    let seen = observe::placements(entries, judge, poses, known.step);
-    Attempt { fit, seen, ..Attempt::new(poses) }
-}
-
 /// Of one axis, what is √(Σ variance) of three.
-fn per_axis(floor: f64) -> f64 {
+pub(super) fn per_axis(floor: f64) -> f64 {
     floor / 3_f64.sqrt()
 }
-
-/// One model of the primary accelerometer tried.
-struct Attempt {
-    fit: Result<Estimate, String>,
-    seen: Vec<Placed>,
-    /// Directions of true specific force, as far as is known.
-    ups: Vec<Vector3<f64>>,
-    poses: Poses,
-    doubts: Vec<Doubt>,
-    drift: Option<Drift>,
-}
-
-impl Attempt {
-    fn new(poses: Poses) -> Self {
-        let fit = Err(String::new());
-        Self { fit, seen: Vec::new(), ups: Vec::new(), poses, doubts: Vec::new(), drift: None }
-    }
-}
-
-/// The faces depend on the calibration and the calibration on the faces, so this goes round until neither changes; a few
-/// rounds suffice.
-fn attempt(entries: &mut [Entry], judge: &Judge<'_>, trial: &Trial, start: Calibration) -> Attempt {
-    const ROUNDS: usize = 4;
-    let poses = if trial.shape == Shape::TRIANGULAR { Poses::Any } else { Poses::OnFaces };
-    let mut attempt = Attempt::new(poses);
-    let mut calibration = start;
-    let mut before = Vec::new();
-    for _ in 0..ROUNDS {
-        judge.assign_faces(entries, &calibration, poses);
-        let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
-        if verdicts == before {
-            break;
-        }
-        before = verdicts;
-        attempt.seen = observe::placements(entries, judge, poses, trial.known.step);
-        let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
-        attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
-            leave_out(entries, &left_out);
-            attempt.doubts.extend(doubts);
-            fit
-        });
-        let Ok(fit) = &attempt.fit else { break };
-        calibration = fit.calibration();
-    }
-    let up = |placed: &Placed| calibration.correct(&placed.observation.mean).try_normalize(f64::MIN_POSITIVE);
-    attempt.ups = attempt.seen.iter().filter_map(up).collect();
-    if let Ok(fit) = &mut attempt.fit {
-        attempt.doubts.iter().for_each(|doubt| fit.widen(&doubt.moved));
-    }
-    if poses == Poses::OnFaces {
-        attempt.drift = drift(&attempt.seen, judge.fixture, &calibration, judge.fit.placement_std);
-    }
-    attempt
-}
-
-/// The rests of placements that contradict the others.
-fn leave_out(entries: &mut [Entry], left_out: &[LeftOut]) {
-    for LeftOut { placement, face, explanation } in left_out {
-        let is_it = |entry: &&mut Entry| entry.rest.placement == *placement && entry.verdict.face() == Some(*face);
-        for entry in entries.iter_mut().filter(is_it).filter(|entry| entry.verdict.is_accepted()) {
-            entry.verdict.reason = Reason::Outlier;
-            entry.verdict.explanation.clone_from(explanation);
-        }
-    }
-}
-
-fn fit_accelerometer(
-    seen: &mut Vec<Placed>,
-    judge: &Judge<'_>,
-    &Trial { shape, known }: &Trial<'_>,
-    start: Calibration,
-) -> Result<Sound, String> {
-    let (config, gravity, kept) = (judge.fit, known.gravity, known.kept == Some(shape));
-    match shape {
-        Shape::TRIANGULAR if seen.len() < shape.unknowns() => {
-            return Err(format!(
-                "{} placements in spread directions are needed, {} seen",
-                shape.unknowns(),
-                seen.len()
-            ));
-        }
-        Shape::TRIANGULAR => {}
-        _ => {
-            let faces = judge.fixture.faces().iter().enumerate();
-            let missing = faces.filter(|(i, _)| seen.iter().all(|placed| placed.face != *i));
-            let missing: Vec<_> = missing.map(|(_, face)| face.name.as_str()).collect();
-            if !missing.is_empty() {
-                return Err(format!("not seen at rest: {}", missing.join(", ")));
-            }
-        }
-    }
-    let given = Assumptions {
-        shape,
-        estimator: config.estimator,
-        gravity,
-        placement_std: config.placement_std,
-        loss: config.loss,
-        bounds: &config.bounds,
-        start,
-    };
-    let observations = || seen.iter().map(|placed| placed.observation).collect::<Vec<_>>();
-    let alone = |fit| Sound { fit, left_out: Vec::new(), doubts: Vec::new() };
-    let sound = match (shape, config.loss) {
-        (Shape::MATRIX, _) => posed::fit(&observations(), &given, config.fixture.accuracy_deg.to_radians()).map(alone),
-        // Under Huber's loss what contradicts is kept, and counts little.
-        (_, Loss::Huber) => accelerometer::fit(&observations(), &given).map(alone),
-        (_, Loss::Square) => outlier::fit_without(seen, &given, judge.fixture),
-    };
-    let sound = sound.map_err(|error| error.to_string())?;
-    let fit = &sound.fit;
-    if shape == Shape::MATRIX && !fit.agrees() {
-        return Err(format!(
-            "the faces of the fixture do not point where they should: what is left over has an rms of {:.3} m/s², more than \
-             {:.3}. Is the fixture accurate, level, and of this kind? bias-scale does not need it to be{}",
-            fit.residual_rms,
-            fit.residual_limit,
-            words::also(&words::active_bounds(fit))
-        ));
-    }
-    if !fit.agrees() {
-        return Err(format!(
-            "the rests contradict each other: ‖a‖ − g has an rms of {:.3} m/s², more than {:.3}{}",
-            fit.residual_rms,
-            fit.residual_limit,
-            words::also(&words::active_bounds(fit))
-        ));
-    }
-    let limit = config.max_error * if kept { HYSTERESIS } else { 1.0 };
-    let worst = fit.worst_case_error(gravity.value);
-    let credible = worst <= limit;
-    if shape == Shape::TRIANGULAR && !credible {
-        return Err(format!(
-            "a corrected reading could err by {worst:.2} m/s² in some direction, more than {limit:.2} (condition number \
-             {:.0}): rests between the faces would tell",
-            fit.condition
-        ));
-    }
-    Ok(sound)
-}
-
-/// A model that was published stays until its worst-case error exceeds the limit by this factor.
-const HYSTERESIS: f64 = 1.5;
 
 /// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
 fn others(
@@ -310,10 +145,12 @@ fn others(
     let primary = accelerometer.as_ref().ok();
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
         let mut bounds = config.bounds.clone();
+        let mut placement_std = config.placement_std;
         if let Some(preset) = secondary.preset {
             bounds = secondary_bounds(bounds, preset);
+            placement_std = preset.datasheet().accelerometer.placement.unwrap_or(placement_std);
         }
-        fit_secondary(entries, (i, secondary.model), config, &bounds, primary)
+        fit_secondary(entries, (i, secondary.model), &fit::Config { bounds, placement_std, ..config.clone() }, primary)
     });
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
@@ -397,7 +234,6 @@ fn fit_secondary(
     entries: &[Entry],
     (index, model): (usize, SecondaryModel),
     config: &fit::Config,
-    bounds: &fit::Bounds,
     primary: Option<&Estimate>,
 ) -> Result<Estimate, String> {
     let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
@@ -405,7 +241,7 @@ fn fit_secondary(
     if pairs.is_empty() {
         return Err("was silent during every rest: check its topic and its time stamps".to_owned());
     }
-    let fit = |shape| secondary::fit(shape, &pairs, primary, config.placement_std, bounds, config.loss);
+    let fit = |shape| secondary::fit(shape, &pairs, primary, config.placement_std, &config.bounds, config.loss);
     let shape = match model {
         SecondaryModel::BiasScale => Shape::DIAGONAL,
         SecondaryModel::CrossAxis => Shape::MATRIX,

@@ -38,13 +38,31 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
             solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
         }
         ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
-        ([], Ok(_), _) if solution.repeats >= CONFIRMING_REPEATS => {
-            "repeated placements disagree: place every face once more on a flat, firm surface".to_owned()
+        ([], Ok(fit), _) => unconfirmed(fit, solution),
+    }
+}
+
+/// What would confirm a provisional calibration.
+fn unconfirmed(fit: &Estimate, solution: &Solution) -> String {
+    let repeats = CONFIRMING_REPEATS.saturating_sub(solution.repeats);
+    match (fit.shape, repeats) {
+        (Shape::FULL_ACCELEROMETER, _) => {
+            "the readings follow the reference less evenly than noise would: check its time stamps, and that both are fixed to \
+             each other"
+                .to_owned()
         }
-        ([], Ok(_), _) => match CONFIRMING_REPEATS.saturating_sub(solution.repeats) {
-            1 => "place another face once more, so that repeats can confirm the calibration".to_owned(),
-            repeats => format!("place any {repeats} faces once more, so that repeats can confirm the calibration"),
-        },
+        (Shape::TRIANGULAR, 0) => {
+            "the rests disagree by more than placements do: let it rest in further directions, on a firm surface".to_owned()
+        }
+        (Shape::TRIANGULAR, 1) => {
+            "let it rest in one more direction, so that it can confirm the calibration".to_owned()
+        }
+        (Shape::TRIANGULAR, _) => {
+            format!("let it rest in {repeats} more directions, so that they can confirm the calibration")
+        }
+        (_, 0) => "repeated placements disagree: place every face once more on a flat, firm surface".to_owned(),
+        (_, 1) => "place another face once more, so that repeats can confirm the calibration".to_owned(),
+        (_, _) => format!("place any {repeats} faces once more, so that repeats can confirm the calibration"),
     }
 }
 
@@ -215,7 +233,8 @@ pub(super) fn flipped(signs: &[f64; 3]) -> String {
 pub(super) fn disagreeing(degrees: f64) -> String {
     format!(
         "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no flipped axis explains it: check \
-         that its axes are those of the accelerometer, its unit and its time stamps"
+         that its axes are those of the accelerometer, its unit and its time stamps, and that no samples are missing between \
+         two poses"
     )
 }
 
@@ -288,9 +307,17 @@ pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -
     let mut caveats = solution.doubts.clone();
     caveats.extend(solution.drift.as_ref().map(Drift::explanation));
     if fit.chi2_per_dof.is_none() {
+        let seen = match fit.shape {
+            Shape::DIAGONAL | Shape::MATRIX => "with each face seen once",
+            _ => "with as many placements as unknowns",
+        };
+        let repeat = match fit.shape {
+            Shape::DIAGONAL | Shape::MATRIX => "Place every face twice, and it would be named and left out",
+            _ => "Further ones would name it",
+        };
         caveats.push(format!(
-            "with each face seen once a wrong one would not show: the bars take placements to repeat within {placement_std} m/s² \
-             (fit.placement_std, or the preset's)"
+            "{seen} a wrong one does not show, and the bars do not allow for it: they take placements to repeat within \
+             {placement_std} m/s² (fit.placement_std, or the preset's). {repeat}"
         ));
     }
     if fit.shape == Shape::DIAGONAL {
@@ -342,15 +369,20 @@ pub(super) fn coarse(step: f64) -> String {
     format!("the noise is below half a step of {step:.4} m/s²: rounding may bias every mean, which is in the bars")
 }
 
-/// Gravity was not measured; `None` if it was.
-pub(super) fn assumed_gravity(gravity: Gravity) -> Option<String> {
+/// What is taken for gravity, and how that bears on the scale.
+pub(super) fn assumed_gravity(gravity: Gravity) -> String {
     let how = match gravity.source {
-        Source::Configured => return None,
+        Source::Configured => {
+            return format!(
+                "gravity {:.5} m/s² as configured, taken as exact: what it is off by is in the scale",
+                gravity.value
+            );
+        }
         Source::Latitude => "of the latitude: set fit.gravity",
         Source::FixTopic => "of the recorded position: set fit.gravity",
         Source::Standard => "assumed: set fit.gravity or fit.latitude_deg",
     };
-    Some(format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.std))
+    format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.std)
 }
 
 fn triad(triad: &Triad) -> String {

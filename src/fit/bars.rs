@@ -91,7 +91,7 @@ impl Bars {
     /// Variance between placements: likeliest, and such that 1.96 of its roots bound 95 %.
     pub fn between_placements(&self) -> [f64; 2] {
         let scatter = self.of_axis(0);
-        [scatter.typical(), scatter.std(1.0, 0.0).powi(2)]
+        [scatter.typical(), scatter.most()]
     }
 
     /// What unmodelled leaks do to the unknowns, which are the same at every placement, so that no repetition averages

@@ -11,7 +11,6 @@ use super::accelerometer::{Assumptions, Line, Observation};
 use super::config::Estimator;
 use super::config::Loss;
 use super::estimate::Estimate;
-use super::scatter::trust;
 use super::shape::Shape;
 use super::system::{System, limits};
 
@@ -124,6 +123,11 @@ pub fn contradiction(
         limit: culprit.limit,
         rival: rival.map(|rival| Rival { index: rival.index, moved: rival.parameters - culprit.parameters }),
     })
+}
+
+/// How many degrees of freedom the assumed scatter is worth beside so many of the data.
+fn trust(freedom: f64) -> f64 {
+    12.0 * (1.0 - freedom / 4.0).max(0.0).powi(2)
 }
 
 /// Logarithm of the likelihood of the tilts that the others have by these parameters, their scatter being unknown; zero for

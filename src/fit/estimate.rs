@@ -17,6 +17,8 @@ pub struct Estimate {
     pub covariance: DMatrix<f64>,
     /// How large the entries of S are that the shape leaves out, by assumption and data: a root mean square.
     pub unmodelled_std: f64,
+    /// The same of the primary accelerometer that a secondary one was compared with.
+    pub inherited_std: f64,
     /// Root mean square of what is left over, in the unit of the triad; for the primary accelerometer of ‖corrected‖ − g,
     /// weighted.
     pub residual_rms: f64,
@@ -75,9 +77,10 @@ impl Estimate {
     }
 
     /// 95 % bound of the error of a corrected reading of an accelerometer at rest, in the direction of gravity where it is
-    /// worst, m/s². What the model leaves out of S is in it.
+    /// worst, m/s². What the model leaves out of S is in it, and so is what that of the primary does.
     pub fn worst_case_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
-        ReadingError::new(self.shape, &self.covariance, inverse, self.unmodelled_std, gravity).worst()
+        let left_out = [self.unmodelled_std, self.inherited_std];
+        ReadingError::new(self.shape, &self.covariance, inverse, left_out, gravity).worst()
     }
 }

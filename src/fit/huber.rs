@@ -5,10 +5,9 @@
 //! interior-point solver says which rows are beyond the threshold; with those known the problem is a least squares,
 //! which gives the last digits and is checked to agree about the rows.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{DMatrix, DVector};
 
+use super::conic::Program;
 use super::lsqlin::{Error, Solution, lsqlin};
 
 /// Minimises Σ ρ(a x − b) with `lower ≤ x ≤ upper`, where ρ(r) is r²/2 up to `delta` and δ(|r| − δ/2) beyond.
@@ -120,7 +119,7 @@ fn conic(
         quadratic[unknowns + i][unknowns + i] = 1.0;
         linear[unknowns + rows + i] = 1.0;
     }
-    let (mut constraint, mut limit) = (Vec::new(), Vec::new());
+    let mut program = Program::new(quadratic, linear);
     for i in 0..rows {
         for sign in [1.0, -1.0] {
             // ±(a x − b − u) ≤ v.
@@ -128,36 +127,14 @@ fn conic(
             (0..unknowns).for_each(|j| row[j] = sign * a[(i, j)] / scale[j]);
             row[unknowns + i] = -sign;
             row[unknowns + rows + i] = -1.0;
-            constraint.push(row);
-            limit.push(sign * b[i] / delta);
+            program.push(row, sign * b[i] / delta);
         }
     }
-    for j in 0..unknowns {
-        for (sign, bound) in [(1.0, upper[j]), (-1.0, -lower[j])] {
-            let bound = bound * scale[j] / delta;
-            // What is further away than any solution is no bound, and would only spoil the scaling.
-            if bound.is_finite() && bound.abs() < 1e6 {
-                let mut row = vec![0.0; total];
-                row[j] = sign;
-                constraint.push(row);
-                limit.push(bound);
-            }
-        }
-    }
-    let cones = [NonnegativeConeT(limit.len())];
-    let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
-    let (quadratic, constraint) = (CscMatrix::from(&quadratic).to_triu(), CscMatrix::from(&constraint));
-    let mut solver =
-        DefaultSolver::new(&quadratic, &linear, &constraint, &limit, &cones, settings).map_err(|_| Error::Invalid)?;
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => {
-            let found = solver.solution.x.iter().take(unknowns).zip(&scale);
-            Ok(DVector::from_iterator(unknowns, found.map(|(x, scale)| x * delta / scale)))
-        }
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Err(Error::Invalid),
-        _ => Err(Error::NotConverged),
-    }
+    // What is further away than any solution is no bound, and would only spoil the scaling.
+    const FAR: f64 = 1e6;
+    program.bound(&(lower.component_mul(&scale) / delta), &(upper.component_mul(&scale) / delta), FAR);
+    let found = program.minimise()?;
+    Ok(found.rows(0, unknowns).component_div(&scale) * delta)
 }
 
 #[cfg(test)]

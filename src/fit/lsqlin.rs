@@ -5,9 +5,9 @@
 //! the minimiser, and the decomposition that the rank check needs anyway gives it to the last digit. What the bounds cut
 //! off of it mostly tells which of them hold, and the conditions of Karush, Kuhn and Tucker whether it did.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{DMatrix, DVector};
+
+use super::conic::Program;
 
 /// A minimiser.
 #[derive(Clone, Debug)]
@@ -119,36 +119,12 @@ fn interior_point(
     low: &DVector<f64>,
     high: &DVector<f64>,
 ) -> Result<DVector<f64>, Error> {
-    let n = design.ncols();
-    let hessian = design.tr_mul(design);
-    let quadratic = CscMatrix::from(&rows(&hessian)).to_triu();
-    let linear: Vec<f64> = (-design.tr_mul(target)).iter().copied().collect();
     // A bound that far from a solution of order one is none, and would only spoil the scaling.
     const FAR: f64 = 1e3;
-    // x ≤ high and −x ≤ −low, one row each where there is a bound.
-    let mut constraint = Vec::new();
-    let mut limit = Vec::new();
-    for i in 0..n {
-        for (sign, bound) in [(1.0, high[i]), (-1.0, -low[i])] {
-            if bound.abs() < FAR {
-                let mut row = vec![0.0; n];
-                row[i] = sign;
-                constraint.push(row);
-                limit.push(bound);
-            }
-        }
-    }
-    let cones = [NonnegativeConeT(limit.len())];
-    let constraint = if constraint.is_empty() { CscMatrix::zeros((0, n)) } else { CscMatrix::from(&constraint) };
-    let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
-    let mut solver =
-        DefaultSolver::new(&quadratic, &linear, &constraint, &limit, &cones, settings).map_err(|_| Error::Invalid)?;
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved => Ok(DVector::from_vec(solver.solution.x.clone())),
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Err(Error::Invalid),
-        _ => Err(Error::NotConverged),
-    }
+    let linear: Vec<f64> = (-design.tr_mul(target)).iter().copied().collect();
+    let mut program = Program::new(rows(&design.tr_mul(design)), linear);
+    program.bound(low, high, FAR);
+    program.minimise()
 }
 
 /// From a point near the minimiser to the minimiser itself: the bounds that it stands at are taken as equations, the

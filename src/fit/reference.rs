@@ -91,6 +91,7 @@ impl NormalEquations {
             parameters: DVector::zeros(unknowns),
             covariance: DMatrix::zeros(unknowns, unknowns),
             unmodelled_std: 0.0,
+            inherited_std: 0.0,
             residual_rms: 0.0,
             residual_limit: most,
             chi2_per_dof: None,

@@ -78,6 +78,7 @@ impl Regression {
             shape,
             covariance: bars.covariance(shape, &solved, other),
             unmodelled_std: bars.leak_rms,
+            inherited_std: 0.0,
             residual_rms: bars.left_rms,
             residual_limit: (5.0 * libm::hypot(white_rms, assumed.placement)).max(allowance),
             chi2_per_dof: bars.chi2_per_dof(),

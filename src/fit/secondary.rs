@@ -88,5 +88,7 @@ pub fn fit(
     if let Some(origin) = &primary.origin {
         other += &by_parameters * &origin.systematic * by_parameters.transpose();
     }
-    Ok(regression.estimate(&other, ALLOWANCE))
+    let skewed = primary.shape.unmodelled().next().is_some();
+    let inherited_std = if skewed { primary.unmodelled_std } else { primary.inherited_std };
+    Ok(Estimate { inherited_std, ..regression.estimate(&other, ALLOWANCE) })
 }

@@ -3,10 +3,10 @@
 
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
+use super::block::Block;
 use super::config::Loss;
 use super::huber::{huber, weights};
 use super::lsqlin::{self, Solution, lsqlin};
-use super::scatter::Block;
 use super::shape::{Shape, Term, Truth};
 
 /// Lower and upper bounds of the unknowns.

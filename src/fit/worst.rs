@@ -15,12 +15,13 @@ pub struct ReadingError {
 }
 
 impl ReadingError {
-    /// From the covariance of the parameters, and the standard deviation of each entry of S that the shape leaves out.
+    /// From the covariance of the parameters, and the standard deviations of each entry of S that the shape leaves out and
+    /// of each one off the diagonal that what the triad was compared with leaves out.
     pub fn new(
         shape: Shape,
         covariance: &DMatrix<f64>,
         inverse: Matrix3<f64>,
-        unmodelled_std: f64,
+        [unmodelled, inherited]: [f64; 2],
         gravity: f64,
     ) -> Self {
         let mut forms = [[Matrix4::zeros(); 3]; 3];
@@ -38,7 +39,10 @@ impl ReadingError {
             }
         }
         for (axis, column) in shape.unmodelled().filter_map(|term| place(&term)) {
-            forms[axis][axis][(column, column)] += unmodelled_std * unmodelled_std;
+            forms[axis][axis][(column, column)] += unmodelled * unmodelled;
+        }
+        for (axis, column) in Shape::DIAGONAL.unmodelled().filter_map(|term| place(&term)) {
+            forms[axis][axis][(column, column)] += inherited * inherited;
         }
         Self { forms, inverse, gravity }
     }
@@ -132,7 +136,7 @@ mod tests {
             let shape = [Shape::DIAGONAL, Shape::TRIANGULAR, Shape::MATRIX][round % 3];
             let (covariance, _) = any(shape, &mut random);
             let inverse = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.05 * random.sample::<f64, _>(StandardNormal));
-            let error = ReadingError::new(shape, &covariance, inverse, 0.001 * (round % 2) as f64, G);
+            let error = ReadingError::new(shape, &covariance, inverse, [0.001 * (round % 2) as f64, 0.0], G);
             let found = error.worst();
             let mut worst = 0.0_f64;
             for _ in 0..4000 {
@@ -148,7 +152,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(2);
         for shape in [Shape::DIAGONAL, Shape::MATRIX] {
             let (covariance, root) = any(shape, &mut random);
-            let error = ReadingError::new(shape, &covariance, Matrix3::identity(), 0.0, G);
+            let error = ReadingError::new(shape, &covariance, Matrix3::identity(), [0.0; 2], G);
             let bound = error.worst();
             let ups: Vec<_> = (0..200)
                 .map(|_| Vector3::from_fn(|_, _| random.sample::<f64, _>(StandardNormal)).normalize())

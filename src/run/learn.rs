@@ -401,7 +401,10 @@ pub(super) fn uncorrected(name: &str, corrections: &Corrections) -> Option<Strin
     let left = corrections.undetermined();
     let list = left.join(", ");
     (!left.is_empty()).then(|| {
-        format!("{name}: corrected messages leave what is not determined, or depends on more, as it is: {list}")
+        format!(
+            "{name}: corrected messages leave what is not determined, or depends on what the other sensor reads at that \
+             instant, as it is: {list}"
+        )
     })
 }
 

@@ -88,6 +88,34 @@ impl TriadMean {
     }
 }
 
+/// By how much the mean of correlated samples varies more than that of as many uncorrelated ones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Correlation {
+    /// Variance of the means of batches over what it would be without correlation. By chance it may be below one.
+    inflation: f64,
+    /// How much that is worth: one batch less than there were.
+    weight: f64,
+}
+
+impl Correlation {
+    /// Nothing is known of it.
+    pub(super) const UNKNOWN: Self = Self { inflation: 1.0, weight: 0.0 };
+
+    /// Both together.
+    pub(super) fn and(self, other: Self) -> Self {
+        let weight = self.weight + other.weight;
+        if weight <= 0.0 {
+            return Self::UNKNOWN;
+        }
+        Self { inflation: (self.inflation * self.weight + other.inflation * other.weight) / weight, weight }
+    }
+
+    /// The same, worth no more than so many batches.
+    fn at_most(self, weight: f64) -> Self {
+        Self { weight: self.weight.min(weight), ..self }
+    }
+}
+
 /// Sums over the open rest of one triad, in constant memory.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sums {
@@ -177,18 +205,29 @@ impl Sums {
         (self.all.count() > 0).then(|| (self.all.mean(), self.all.count()))
     }
 
-    pub(super) fn finish(&self) -> Option<TriadMean> {
+    /// What the triad read, given how correlated its earlier rests were.
+    pub(super) fn finish(&self, usual: Correlation) -> Option<TriadMean> {
+        let correlation = self.correlation_about(self.all.variance(), self.batches.variance());
         Some(TriadMean {
             samples: self.all.count(),
-            effective: self.effective(),
+            effective: self.effective(correlation, usual),
             mean: self.all.mean(),
             covariance: self.all.covariance(),
             trend: self.trend(),
-            trend_noise: self.trend_noise(),
+            trend_noise: self.trend_noise(usual),
             ends: self.ends.unwrap_or([self.all.mean(); 2]),
             extremes: self.extremes?,
             clipped: self.clipped,
         })
+    }
+
+    /// How correlated the noise is; nothing is said of a rest that wanders, whose batches differ for another reason.
+    pub(super) fn correlation(&self) -> Correlation {
+        const WANDERS: f64 = 4.0;
+        match self.trend().norm() > WANDERS * self.trend_noise(Correlation::UNKNOWN) {
+            true => Correlation::UNKNOWN,
+            false => self.correlation_about(self.all.variance(), self.batches.variance()),
+        }
     }
 
     /// Slope of the regression on time, times the duration.
@@ -198,31 +237,34 @@ impl Sums {
     }
 
     /// Method of batch means (Conway 1963): if noise were white, the variance of the means of `batch_size` samples would
-    /// be that of one sample over `batch_size`; what it is more is correlation. A few batches say little, so their
-    /// verdict is shrunk towards white.
-    fn effective(&self) -> f64 {
-        self.effective_about(self.all.variance(), self.batches.variance())
-    }
-
-    /// From the variances of one sample and of a batch mean.
-    fn effective_about(&self, of_one: f64, of_batch: f64) -> f64 {
-        const WHITE_BATCHES: f64 = 2.0;
-        let samples = self.all.count() as f64;
+    /// be that of one sample over `batch_size`; what it is more is correlation. From the variances of one sample and of a
+    /// batch mean.
+    fn correlation_about(&self, of_one: f64, of_batch: f64) -> Correlation {
         if self.batches.count() < 2 || of_one <= 0.0 {
-            return samples;
+            return Correlation::UNKNOWN;
         }
         let inflation = of_batch * self.batch_size as f64 / of_one;
-        let weight = (self.batches.count() - 1) as f64;
-        let shrunk = (inflation * weight + WHITE_BATCHES) / (weight + WHITE_BATCHES);
-        (samples / shrunk.max(1.0)).max(1.0)
+        Correlation { inflation, weight: (self.batches.count() - 1) as f64 }
+    }
+
+    /// As many uncorrelated samples. A few batches say little, and what they say by chance must not pass for correlation:
+    /// the verdict is shrunk towards that of earlier rests, and towards white.
+    fn effective(&self, own: Correlation, usual: Correlation) -> f64 {
+        const WHITE: Correlation = Correlation { inflation: 1.0, weight: 2.0 };
+        const USUAL: f64 = 20.0;
+        /// Below one by chance; counted as such, since what is above one by chance is, too.
+        const LEAST: f64 = 0.8;
+        let all = own.and(usual.at_most(USUAL)).and(WHITE);
+        (self.all.count() as f64 / all.inflation.max(LEAST)).max(1.0)
     }
 
     /// The trend of noise over a rest has √12 times the error of its mean. A slide is no correlation of the noise, so it
     /// is taken out of both variances: a twelfth of its square.
-    fn trend_noise(&self) -> f64 {
+    fn trend_noise(&self, usual: Correlation) -> f64 {
         let slide = self.trend().norm_squared() / 12.0;
         let of_one = (self.all.variance() - slide).max(0.0);
-        let effective = self.effective_about(of_one, (self.batches.variance() - slide).max(0.0));
+        let correlation = self.correlation_about(of_one, (self.batches.variance() - slide).max(0.0));
+        let effective = self.effective(correlation, usual);
         (12.0 * of_one / effective).sqrt()
     }
 }
@@ -246,7 +288,7 @@ mod tests {
             let stamp = Stamp::from_nanos(i as i64 * 10_000_000);
             sums.push(stamp, &(noise + Vector3::x() * (slope * i as f64 * 0.01)));
         }
-        sums.finish().unwrap()
+        sums.finish(Correlation::UNKNOWN).unwrap()
     }
 
     #[test]

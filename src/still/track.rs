@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clock::{Clock, Tick};
 use super::floor::Floor;
-use super::rest::{Sums, TriadMean};
+use super::rest::{Correlation, Sums, TriadMean};
 use super::window::Window;
 use super::{Config, Detector, Extremes, Signal};
 use crate::Stamp;
@@ -37,6 +37,8 @@ pub(super) struct Track {
     /// Stamps of readings among them that the driver called clipped.
     clipped: VecDeque<Stamp>,
     open: Option<Sums>,
+    /// Of the noise in all rests so far.
+    correlation: Correlation,
     extremes: Option<Extremes>,
     readings: u64,
     /// The sample period that the window was made for.
@@ -73,6 +75,7 @@ impl Track {
             recent: VecDeque::new(),
             clipped: VecDeque::new(),
             open: None,
+            correlation: Correlation::UNKNOWN,
             extremes: None,
             readings: 0,
             sized_for: None,
@@ -240,7 +243,10 @@ impl Track {
 
     /// Ends the open rest.
     pub(super) fn close(&mut self) -> Option<TriadMean> {
-        self.open.take()?.finish()
+        let sums = self.open.take()?;
+        let mean = sums.finish(self.correlation);
+        self.correlation = self.correlation.and(sums.correlation());
+        mean
     }
 
     /// Makes or remakes the window when the sample period has become known or has changed.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::Vector3;
+use stillpoint::config::{self, Layer};
 use stillpoint::engine::{Config, Engine};
 use stillpoint::imu::{Intake, Reading, Sensor};
 use stillpoint::messages::triad::{Model, Status};
@@ -18,7 +19,11 @@ fn learn(path: &Path) -> Learned {
 
 fn learn_through(path: &Path, change: impl Fn(Sensor, Vector3<f64>) -> Vector3<f64>) -> Learned {
     let bytes = std::fs::read(path).unwrap();
-    let mut intake = Intake::new(&[]);
+    // The one recording of a type that is not known without configuration.
+    let setting = r#"imu=[{topic="/sensors/imu", accel="accel_mps2", gyro="gyro_radps"}]"#;
+    let unknown = path.to_string_lossy().ends_with("mpu9150_1_20_poses.protobuf.mcap");
+    let layers: Vec<_> = unknown.then(|| Layer::set(setting).unwrap()).into_iter().collect();
+    let mut intake = Intake::new(&config::Config::load(&layers).unwrap().imu);
     let mut engine = Engine::new(Config::default());
     let mut events = Vec::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
@@ -55,6 +60,7 @@ fn real_recordings_that_show_no_six_faces_say_what_is_missing() {
         ("robot_localization_test1.mcap", &["still to see: +X, -X, -Y, +Z, -Z"]),
         ("robot_localization_test2.mcap", &["still to see: +X, -X, +Y, -Y, -Z"]),
         ("mpu9150_0_19_poses.ros2.mcap", &["lying flat"]),
+        ("mpu9150_1_20_poses.protobuf.mcap", &["lying flat"]),
     ] {
         let Some(path) = common::recording(name) else { return };
         let learned = learn(&path);
@@ -75,6 +81,7 @@ fn nothing_is_suspected_of_real_sensors() {
         "nilspod_six_face.ros1.mcap",
         "xsens_38_poses.ros2.mcap",
         "mpu9150_0_19_poses.ros2.mcap",
+        "mpu9150_1_20_poses.protobuf.mcap",
         "mpu6050_hand_held.ros2.mcap",
         "robot_localization_test1.mcap",
         "robot_localization_test2.mcap",

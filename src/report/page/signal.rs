@@ -161,7 +161,7 @@ fn noise(imu: &Imu<'_>) -> String {
             "<tr><th>{} <small>{unit}</small></th>{}<td class=\"n\">{:.0} %</td></tr>",
             escape(sensor),
             cells.concat(),
-            100.0 * effective / samples.max(1) as f64
+            (100.0 * effective / samples.max(1) as f64).min(100.0)
         );
     }
     if rows.is_empty() {

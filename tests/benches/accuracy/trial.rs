@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit;
-use stillpoint::imu::Sample;
+use stillpoint::imu::{Sample, Sensor};
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Calibration, Triad, Vector3 as Numbers};
 use stillpoint::simulate::{Scenario, TriadTruth, Truth, samples};
@@ -54,8 +54,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Gravity is known to the engine, its other settings are the defaults.
-    pub fn run(scenario: &Scenario) -> Self {
+    /// Gravity is known to the engine, its other settings are the defaults; the gyroscope reads a further rate.
+    pub fn run(scenario: &Scenario, rate: Vector3<f64>) -> Self {
         let truth = Truth::of(scenario).unwrap();
         let secondary = truth.secondary.iter().map(|triad| Secondary {
             name: triad.sensor.clone(),
@@ -63,25 +63,8 @@ impl Trial {
             ..Secondary::default()
         });
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
-        let mut engine = Engine::new(Config { secondary: secondary.collect(), fit, ..Config::default() });
-        let mut events: Vec<Event> = Vec::new();
-        let mut calibration = None;
-        let mut note = |events: &mut Vec<Event>| {
-            for event in events.drain(..) {
-                if let Message::Calibration(news) = event.message {
-                    calibration = Some(*news);
-                }
-            }
-        };
-        for reading in samples(scenario).unwrap() {
-            let log_time = reading.stamp.nanos() as u64;
-            let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured };
-            engine.push(reading.sensor, &sample, &mut events);
-            note(&mut events);
-        }
-        engine.finish(&mut events);
-        note(&mut events);
-        Self { truth, calibration }
+        let config = Config { secondary: secondary.collect(), fit, ..Config::default() };
+        Self { calibration: learn(scenario, config, rate), truth }
     }
 
     /// Whether both accelerometers have a calibration.
@@ -145,6 +128,30 @@ impl Trial {
             Quantity::GyroBias => Some((calibration.gyroscope.as_ref()?, self.truth.gyroscope.as_ref()?)),
         }
     }
+}
+
+/// The last calibration that an engine learns from a session.
+pub fn learn(scenario: &Scenario, config: Config, rate: Vector3<f64>) -> Option<Calibration> {
+    let mut engine = Engine::new(config);
+    let mut events: Vec<Event> = Vec::new();
+    let mut calibration = None;
+    let mut note = |events: &mut Vec<Event>| {
+        for event in events.drain(..) {
+            if let Message::Calibration(news) = event.message {
+                calibration = Some(*news);
+            }
+        }
+    };
+    for reading in samples(scenario).unwrap() {
+        let log_time = reading.stamp.nanos() as u64;
+        let more = if reading.sensor == Sensor::Gyroscope { rate } else { Vector3::zeros() };
+        let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured + more };
+        engine.push(reading.sensor, &sample, &mut events);
+        note(&mut events);
+    }
+    engine.finish(&mut events);
+    note(&mut events);
+    calibration
 }
 
 fn matrix(truth: &TriadTruth) -> Matrix3<f64> {
