@@ -28,7 +28,7 @@ pub struct Assumed {
 /// What is known of the variance between placements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scatter {
-    /// The variance; less than nothing where noise left less than is known of it.
+    /// The variance.
     between: f64,
     /// What noise adds to it in a typical equation.
     noise: f64,
@@ -81,19 +81,13 @@ impl Scatter {
             let trust = trust(left.freedom * share);
             known = left.freedom + trust;
             let times = (left.squares + trust * (noise + prior) / variance) / known;
-            // Noise that by chance leaves less than is known of it must count as such, since what it leaves more by chance
-            // counts as scatter.
-            let least = noise * (1.0 - (2.0 / known).sqrt()).max(0.0);
-            let next = (variance * times).max(least);
+            let next = (variance * times).max(noise);
             let moved = (next / variance - 1.0).abs();
             variance = next;
             if moved.is_nan() || moved < NEAR {
                 break;
             }
-            let Some(there) = left_over((variance - noise).max(0.0)) else { return at_word };
-            // Weights do not go below noise alone; the squares are then those of the lesser variance.
-            let below = (variance / noise.max(f64::MIN_POSITIVE)).min(1.0);
-            let there = Left { squares: there.squares / below, ..there };
+            let Some(there) = left_over(variance - noise) else { return at_word };
             left = there;
         }
         if !(variance.is_finite() && known > 0.0) {
@@ -104,7 +98,7 @@ impl Scatter {
 
     /// The variance between placements, to weight equations with.
     pub fn typical(&self) -> f64 {
-        self.between.max(0.0)
+        self.between
     }
 
     /// Weighted sum of squares of what the equations left over, at what was assumed of the scatter.
@@ -119,9 +113,7 @@ impl Scatter {
 
     /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them are half of its 95 % interval.
     pub fn std(&self, gain: f64, rest: f64) -> f64 {
-        // Noise that left less than is known of it leaves so much less of any error, and never nothing.
-        let least = if self.between < 0.0 { rest * (1.0 + self.between / self.noise) } else { 0.0 };
-        let variance = (gain * self.between + rest).max(least);
+        let variance = gain * self.between + rest;
         let estimated = gain * (self.between + self.noise);
         if !(variance > 0.0 && variance.is_finite()) {
             return variance.max(0.0).sqrt();
@@ -134,7 +126,7 @@ impl Scatter {
 
     /// The variance between placements such that 1.96 of its roots bound what a further one is off by.
     pub fn most(&self) -> f64 {
-        (self.std(1.0, self.noise).powi(2) - self.noise).max(self.typical())
+        (self.std(1.0, self.noise).powi(2) - self.noise).max(self.between)
     }
 }
 
