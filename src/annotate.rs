@@ -7,6 +7,7 @@ mod block;
 mod cdr;
 mod config;
 mod correct;
+pub mod diagnostics;
 mod encoding;
 mod log;
 mod read;

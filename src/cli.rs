@@ -4,7 +4,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
+use stillpoint::report::{Axes, Format};
 
 /// Learns the calibration of an IMU from the moments when it rests in an MCAP recording, and writes it back.
 #[derive(Debug, Parser)]
@@ -71,7 +72,8 @@ pub struct Configuration {
 
 #[derive(Debug, Args)]
 pub struct Against {
-    /// An earlier calibration in any format of export: say how far the sensor has moved since
+    /// An earlier calibration in any format of export: say how far the sensor has moved since, and correct what --live
+    /// shows by it until there is a new one
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
     /// Which way the axes of the recording point, if --against is an autopilot's
@@ -137,6 +139,10 @@ pub struct Tail {
     /// How often to look whether it has grown
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
     pub poll: Duration,
+    /// Show it to Foxglove and Lichtblick as it comes; without an address, on this machine alone
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    pub live: Option<SocketAddr>,
     /// Keep the annotations as a file of their own beside the annotated recording
     #[arg(long)]
     pub keep_sidecar: bool,
@@ -156,6 +162,8 @@ pub struct Tail {
     #[arg(long)]
     pub sync: bool,
     #[command(flatten)]
+    pub against: Against,
+    #[command(flatten)]
     pub configuration: Configuration,
 }
 
@@ -170,6 +178,10 @@ pub struct Watch {
     /// Serve /healthz, /readyz and Prometheus /metrics here; without an address, on this machine alone
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464")]
     pub metrics: Option<SocketAddr>,
+    /// Show growing recordings to Foxglove and Lichtblick as they come; without an address, on this machine alone
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    pub live: Option<SocketAddr>,
     /// How often to look through the directory
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "1s")]
     pub interval: Duration,
@@ -295,30 +307,6 @@ pub struct Export {
     pub force: bool,
     #[command(flatten)]
     pub configuration: Configuration,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Format {
-    /// Everything, for programs
-    Json,
-    /// The same as YAML
-    Yaml,
-    /// Intrinsics in the layout of Kalibr's results
-    Kalibr,
-    /// Kalibr's imu.yaml: noise densities and rate
-    KalibrInput,
-    /// SM and bias of dpkoch/imu_calib
-    ImuCalib,
-    /// CAL_ACC*, CAL_GYRO* for QGroundControl
-    Px4,
-    /// INS_ACC*, INS_GYR* for ground stations
-    Ardupilot,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Axes {
-    Flu,
-    Frd,
 }
 
 #[derive(Debug, Args)]

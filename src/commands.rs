@@ -21,11 +21,11 @@ use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 
+use stillpoint::Error;
 use stillpoint::config::{Config, Layer};
 use stillpoint::run::{Partial, Stop};
-use stillpoint::{Error, report as formats};
 
-use crate::cli::{Axes, Cli, Command, Configuration};
+use crate::cli::{Cli, Command, Configuration};
 
 /// Runs a command to its end; what made it fail has been said.
 pub fn run(cli: Cli, stop: &Stop) -> Code {
@@ -106,6 +106,16 @@ fn layer(path: &Path) -> Result<Layer, Error> {
     Ok(Layer::file(&path.display().to_string(), &text))
 }
 
+/// Listens for viewers, if that was asked for.
+#[cfg(feature = "live")]
+fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run::Live>, Error> {
+    let live = address.map(stillpoint::run::Live::open).transpose()?;
+    if let Some(live) = &live {
+        tracing::info!("live at ws://{}", live.address());
+    }
+    Ok(live)
+}
+
 /// Refuses an output that exists, before any work is done for it.
 fn check_free(output: Option<&Path>, force: bool) -> Result<(), Error> {
     match output {
@@ -126,13 +136,6 @@ fn write(text: &str, output: Option<&Path>, force: bool) -> Result<(), Error> {
 /// A file of text; anything else is said to be none.
 fn text_of(path: &Path) -> Result<String, Error> {
     std::fs::read_to_string(path).map_err(Error::io("read", path))
-}
-
-fn axes(typed: Option<Axes>) -> Option<formats::Axes> {
-    typed.map(|axes| match axes {
-        Axes::Flu => formats::Axes::Flu,
-        Axes::Frd => formats::Axes::Frd,
-    })
 }
 
 /// Prints a result on standard output. A reader that has seen enough is no error.

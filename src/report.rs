@@ -17,7 +17,7 @@ mod story;
 mod words;
 pub(crate) mod yaml;
 
-pub use drift::{Change, Drift, drift};
+pub use drift::{Change, Drift, drift, same};
 pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, Readings, export};
 pub use findings::Findings;

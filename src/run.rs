@@ -16,6 +16,8 @@ mod in_place;
 mod input;
 mod learn;
 mod limits;
+#[cfg(feature = "live")]
+mod live;
 mod metrics;
 mod news;
 mod output;
@@ -37,6 +39,8 @@ pub use channels::{Channels, Use, channels};
 pub use in_place::Access;
 pub use input::Input;
 pub use limits::allow_many_files;
+#[cfg(feature = "live")]
+pub use live::{Live, Session};
 pub use metrics::Metrics;
 pub use news::{Ending, News, Progress, Tell};
 pub use output::Written;
@@ -48,4 +52,4 @@ pub use stop::Stop;
 pub use story::{Stories, stories};
 pub use strip::strip;
 pub use tail::{Following, Tailed, sidecar_of, tail};
-pub use watch::{Verdict, Watching, watch};
+pub use watch::{Show, Verdict, Watching, watch};

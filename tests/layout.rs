@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use common::Folder;
 use serde_json::Value;
@@ -62,6 +62,39 @@ fn every_panel_is_placed_once_and_shows_topics_that_there_are() {
     folder.refuses("config layout demo.mcap -o layout.json", 1, &["exists"]);
     folder.write("empty.mcap", b"");
     folder.refuses("config layout empty.mcap", 1, &["empty.mcap"]);
+}
+
+#[test]
+fn arrays_are_plotted_by_element_and_three_fields_by_name() {
+    let folder = Folder::new();
+    let recordings = [
+        ("arrays", r#"{"accel": [0.1, 0.2, 9.8], "gyro": [0, 0, 0]}"#, "accel", ["accel[0]", "accel[1]", "accel[2]"]),
+        ("fields", r#"{"ax": 0.1, "ay": 0.2, "az": 9.8}"#, r#"["ax", "ay", "az"]"#, ["ax", "ay", "az"]),
+    ];
+    for (name, message, accel, axes) in recordings {
+        let accel = if accel.starts_with('[') { accel.to_owned() } else { format!("{accel:?}") };
+        folder.write("map.toml", format!("[[imu]]\ntopic = \"/imu\"\naccel = {accel}\n").as_bytes());
+        folder.write(&format!("{name}.mcap"), &json_recording(message));
+        let layout = folder.say(&format!("config layout {name}.mcap -c map.toml")).ok().json();
+        let lines = layout["configById"]["Plot!acceleration0"]["paths"].as_array().unwrap();
+        let shown: Vec<_> = lines.iter().map(|line| line["value"].as_str().unwrap()).collect();
+        let on = |topic: &str| axes.map(|axis| format!("{topic}.{axis}"));
+        assert_eq!(shown, [on("/imu"), on("/imu/stillpoint/corrected")].concat());
+    }
+}
+
+/// A recording of one message, again and again.
+fn json_recording(message: &str) -> Vec<u8> {
+    let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    let channel = writer.add_channel(0, "/imu", "json", &BTreeMap::new()).unwrap();
+    for i in 0..200_u32 {
+        let time = 1_700_000_000_000_000_000 + u64::from(i) * 10_000_000;
+        let header =
+            mcap::records::MessageHeader { channel_id: channel, sequence: i, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, message.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
 }
 
 #[test]

@@ -48,10 +48,7 @@ fn imus(used: &run::Use) -> Vec<LayoutImu> {
     let accelerometers = uses.iter().filter(|part| part.sensor == Sensor::Accelerometer);
     accelerometers
         .map(|part| {
-            // Vectors of px4_msgs are arrays of three, those of all other known types have fields.
-            let axes = if used.schema.starts_with("px4_msgs/") { ["[0]", "[1]", "[2]"] } else { [".x", ".y", ".z"] };
-            let dot = if part.path.is_empty() { "" } else { "." };
-            let at = |topic: &str| axes.map(|axis| format!("{}{dot}{}{axis}", report::quoted(topic), part.path));
+            let at = |topic: &str| part.axes.clone().map(|axis| format!("{}.{axis}", report::quoted(topic)));
             LayoutImu {
                 name: part.imu.clone(),
                 acceleration: at(&used.channel.topic),

@@ -1,11 +1,11 @@
 //! `stillpoint export`: the calibration for other programs.
 
 use stillpoint::Error;
-use stillpoint::report::{self, Format, Options, Parameters, Readings};
+use stillpoint::report::{self, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, axes, check_free, configuration, damaged, text_of, write};
+use super::{Code, check_free, configuration, damaged, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
@@ -17,7 +17,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?
     };
-    let exported = report::export(&found.imus, format(args.format), &options)
+    let exported = report::export(&found.imus, args.format, &options)
         .map_err(|error| Error::input(&args.input, error.to_string()))?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     found.damage.iter().for_each(|damage| tracing::warn!("damaged {damage}"));
@@ -44,17 +44,5 @@ fn options(args: &cli::Export) -> Result<Options, Error> {
         None => None,
     };
     let (imu, sensor) = (args.imu.clone(), args.sensor.clone());
-    Ok(Options { imu, sensor, readings, axes: axes(args.axes), slot: args.slot, random_walk })
-}
-
-fn format(typed: cli::Format) -> Format {
-    match typed {
-        cli::Format::Json => Format::Json,
-        cli::Format::Yaml => Format::Yaml,
-        cli::Format::Kalibr => Format::Kalibr,
-        cli::Format::KalibrInput => Format::KalibrInput,
-        cli::Format::ImuCalib => Format::ImuCalib,
-        cli::Format::Px4 => Format::Px4,
-        cli::Format::Ardupilot => Format::Ardupilot,
-    }
+    Ok(Options { imu, sensor, readings, axes: args.axes, slot: args.slot, random_walk })
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde_json::json;
 use stillpoint::Error;
-use stillpoint::report::{self, Findings};
+use stillpoint::report::{self, Axes, Findings};
 
-use super::{Code, axes, text_of, write};
+use super::{Code, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Import) -> Result<Code, Error> {
@@ -24,8 +24,8 @@ pub fn run(args: &cli::Import) -> Result<Code, Error> {
 }
 
 /// Reads a calibration in any format.
-pub fn read(path: &Path, typed: Option<cli::Axes>) -> Result<Vec<Findings>, Error> {
-    report::import(&text_of(path)?, axes(typed)).map_err(|error| Error::input(path, error.to_string()))
+pub fn read(path: &Path, axes: Option<Axes>) -> Result<Vec<Findings>, Error> {
+    report::import(&text_of(path)?, axes).map_err(|error| Error::input(path, error.to_string()))
 }
 
 /// Reads the calibration to compare with, if there is one.

@@ -21,7 +21,9 @@ pub fn event(news: &News<'_>) -> Option<Value> {
             json!({"event": "damage", "offset": damage.offset, "bytes": damage.length, "what": damage.what})
         }
         News::Ended(ending) => json!({"event": "ended", "ending": format!("{ending:?}").to_lowercase()}),
-        News::Channel { .. } | News::Message { .. } | News::Imu { .. } | News::Read(_) => return None,
+        News::Channel { .. } | News::Message { .. } | News::Corrected { .. } | News::Imu { .. } | News::Read(_) => {
+            return None;
+        }
     })
 }
 

@@ -7,7 +7,7 @@ use stillpoint::run::{self, Ending, Following, News, Options, Stop, Written};
 
 use super::annotate::{code, default_output, result, say};
 use super::view::View;
-use super::{Code, configuration, print_json, stream};
+use super::{Code, configuration, import, print_json, stream};
 use crate::cli;
 
 /// A recorder that writes nothing for so long is taken to be dead.
@@ -15,6 +15,7 @@ const IDLE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
+    let earlier = import::against(&args.against)?;
     // What is not there yet is a folder, if its name says nothing else.
     let file = args.input.extension().is_some_and(|ending| ending == "mcap");
     let folder = args.input.is_dir() || !args.input.exists() && !file;
@@ -27,8 +28,17 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         options: Options { force: args.force, allow_no_imu: args.allow_no_imu, sync: args.sync, ..Options::default() },
     };
     let mut view = View::new(args.input.display().to_string());
+    #[cfg(feature = "live")]
+    let live = super::live(args.live)?;
+    #[cfg(feature = "live")]
+    let mut session = live.as_ref().map(|live| match earlier.clone() {
+        Some(earlier) => live.session().corrected_by(earlier, &config),
+        None => live.session(),
+    });
     let mut failed = None;
     let mut tell = |news: News<'_>| {
+        #[cfg(feature = "live")]
+        session.iter_mut().for_each(|session| session.show(&news));
         if json && failed.is_none() {
             failed = stream::event(&news).map_or(Ok(()), |event| print_json(&event)).err();
         }
@@ -40,11 +50,11 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     drop(view);
     failed.map_or(Ok(()), Err)?;
     if json {
-        let mut result = result(&args.input, &tailed.output, &tailed.report, None);
+        let mut result = result(&args.input, &tailed.output, &tailed.report, earlier.as_deref());
         result["event"] = "result".into();
         print_json(&result)?;
     }
-    say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, None);
+    say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, earlier.as_deref());
     let code = code(&tailed.report, args.require_calibration, args.accept_damage);
     Ok(match (tailed.written, code) {
         (Written::Before, _) => Code::Done,

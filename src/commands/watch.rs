@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use serde_json::json;
 use stillpoint::Error;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Following, Metrics, Options, Stop, Verdict, Watching};
+use stillpoint::run::{self, Following, Metrics, News, Options, Stop, Verdict, Watching};
 use tokio::signal::unix::{SignalKind, signal};
 use tracing::{error, info, warn};
 
@@ -20,6 +20,15 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     if let Some(address) = args.metrics {
         info!("metrics at http://{}/metrics", run::serve(address, metrics.clone())?);
     }
+    #[cfg(feature = "live")]
+    let live = super::live(args.live)?;
+    let show = || -> Box<dyn FnMut(&News<'_>)> {
+        #[cfg(feature = "live")]
+        if let Some(mut session) = live.as_ref().map(run::Live::session) {
+            return Box::new(move |news| session.show(news));
+        }
+        Box::new(|_| {})
+    };
     let following = Following {
         poll: args.poll,
         idle: args.idle_timeout,
@@ -37,7 +46,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     };
     let current = || config.read().unwrap_or_else(PoisonError::into_inner).clone();
     info!("watching {}", args.folder.display());
-    run::watch(&watching, &current, stop, &metrics, &|path, verdict| say(path, &verdict, json))?;
+    run::watch(&watching, &current, stop, &metrics, &show, &|path, verdict| say(path, &verdict, json))?;
     info!("stopped; what was being followed goes on with the next watch");
     // To be stopped is how a service ends.
     stop.answered();

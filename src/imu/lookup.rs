@@ -44,17 +44,21 @@ impl Layout {
     /// # Errors
     /// If it leads nowhere, or to something else.
     pub fn vector(&self, path: &FieldPath) -> Result<[Place; 3], PathError> {
-        let axes = match self.find(path) {
+        let [x, y, z] = &self.axes(path)?;
+        Ok([self.number(x)?, self.number(y)?, self.number(z)?])
+    }
+
+    /// Paths of the three axes of such a vector.
+    pub(super) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
+        match self.find(path) {
             Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
-                ["x", "y", "z"].map(|axis| path.join(axis))
+                Ok(["x", "y", "z"].map(|axis| path.join(axis)))
             }
             Some(Found { kind: Kind::Number(_), count: Count::Array(3) | Count::Sequence, .. }) => {
-                [0, 1, 2].map(|axis| path.element(axis))
+                Ok([0, 1, 2].map(|axis| path.element(axis)))
             }
-            _ => return Err(self.why_not(path, "a message with x, y, z or a list of three numbers")),
-        };
-        let [x, y, z] = &axes;
-        Ok([self.number(x)?, self.number(y)?, self.number(z)?])
+            _ => Err(self.why_not(path, "a message with x, y, z or a list of three numbers")),
+        }
     }
 
     /// Where a number stands.

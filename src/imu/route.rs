@@ -46,6 +46,7 @@ pub(super) struct Tap {
     pub(super) sensor: Sensor,
     pub(super) name: String,
     pub(super) path: String,
+    pub(super) axes: [String; 3],
     pub(super) with_accel: bool,
     pub(super) counts: Counts,
     factor: f64,
@@ -99,7 +100,7 @@ impl Route {
         };
         let device = known.and_then(|known| layout.find_number(known.device.as_ref()?)).map(|place| add(Some(place)));
         let mut taps = Vec::new();
-        for (request, Axes { path, places: [x, y, z], covariance, part }) in requests.iter().zip(axes) {
+        for (request, Axes { path, axes, places: [x, y, z], covariance, part }) in requests.iter().zip(axes) {
             let at = add(Some(x));
             add(Some(y));
             let after = add(Some(z)) + 1;
@@ -110,6 +111,7 @@ impl Route {
                 sensor: request.sensor,
                 name: request.name.to_owned(),
                 path: path.to_string(),
+                axes: axes.map(|axis| axis.to_string()),
                 with_accel: request.with_accel,
                 counts: Counts::default(),
                 factor: request.factor,
@@ -232,6 +234,7 @@ impl Deref for Frame<'_> {
 /// Where the numbers of a request stand.
 struct Axes<'a> {
     path: FieldPath,
+    axes: [FieldPath; 3],
     places: [Place; 3],
     covariance: Option<Place>,
     /// What the message says about them.
@@ -241,18 +244,21 @@ struct Axes<'a> {
 impl<'a> Axes<'a> {
     fn of(layout: &Layout, request: &Request<'a>) -> Result<Self, RouteError> {
         let (path, part) = match (request.path, request.known) {
-            (Some(VectorPath::Axes([x, y, z])), _) => {
+            (Some(VectorPath::Axes(axes)), _) => {
+                let [x, y, z] = axes;
                 let places = [layout.number(x)?, layout.number(y)?, layout.number(z)?];
-                return Ok(Self { path: x.clone(), places, covariance: None, part: None });
+                return Ok(Self { path: x.clone(), axes: axes.clone(), places, covariance: None, part: None });
             }
             (Some(VectorPath::Whole(path)), known) => (path, known.filter(|known| known.vector == *path)),
             (None, Some(known)) => (&known.vector, Some(known)),
             (None, None) => return Err(Self::no_path(layout, request)),
         };
-        let places = layout.vector(path)?;
+        let axes = layout.axes(path)?;
+        let [x, y, z] = &axes;
+        let places = [layout.number(x)?, layout.number(y)?, layout.number(z)?];
         let covariance = path.parent().map(|parent| parent.join(&format!("{}_covariance", path.name())).element(0));
         let covariance = covariance.and_then(|path| layout.find_number(&path));
-        Ok(Self { path: path.clone(), places, covariance, part })
+        Ok(Self { path: path.clone(), axes, places, covariance, part })
     }
 
     fn no_path(layout: &Layout, request: &Request<'_>) -> RouteError {

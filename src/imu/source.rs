@@ -107,7 +107,13 @@ impl Source {
 
     /// What a tap is to it.
     pub(super) fn uses(&self, tap: &Tap) -> Use {
-        Use { imu: self.name(), sensor: tap.sensor, name: tap.name.clone(), path: tap.path.clone() }
+        Use {
+            imu: self.name(),
+            sensor: tap.sensor,
+            name: tap.name.clone(),
+            path: tap.path.clone(),
+            axes: tap.axes.clone(),
+        }
     }
 
     /// Topic of the accelerometer.

@@ -40,6 +40,8 @@ pub struct Use {
     pub name: String,
     /// Where it stands in the message.
     pub path: String,
+    /// Where its x, y and z stand.
+    pub axes: [String; 3],
 }
 
 impl fmt::Display for Verdict {

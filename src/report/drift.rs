@@ -49,11 +49,8 @@ impl Drift {
 ///
 /// If the earlier calibration has several IMUs and none has the name or topic of this one.
 pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String> {
-    let named = |then: &&Findings| then.name == now.name || !then.topic.is_empty() && then.topic == now.topic;
-    let then = match (earlier.iter().find(named), earlier) {
-        (Some(then), _) | (None, [then]) => then,
-        _ => return Err(format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name)),
-    };
+    let then = same(earlier, &now.name, &now.topic)
+        .ok_or_else(|| format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name))?;
     let (Some(now), Some(then)) = (&now.calibration, &then.calibration) else { return Ok(Vec::new()) };
     let secondary = now.secondary.iter().filter_map(|triad| {
         let then = then.secondary.iter().find(|then| then.sensor == triad.sensor)?;
@@ -64,6 +61,15 @@ pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String>
     let accelerometer = accelerometer.and_then(|(now_, then)| moved(now_, then, Some(now.gravity)));
     let gyroscope = gyroscope.and_then(|(now, then)| moved(now, then, None));
     Ok(accelerometer.into_iter().chain(gyroscope).chain(secondary).collect())
+}
+
+/// What an earlier calibration says of an IMU: of that name or topic, or the only one that it is of.
+pub fn same<'a>(earlier: &'a [Findings], name: &str, topic: &str) -> Option<&'a Findings> {
+    let named = |then: &&Findings| then.name == name || !then.topic.is_empty() && then.topic == topic;
+    match earlier {
+        [only] => Some(only),
+        several => several.iter().find(named),
+    }
 }
 
 fn moved(now: &Triad, then: &Triad, gravity: Option<f64>) -> Option<Drift> {

@@ -13,22 +13,22 @@ use super::{Findings, Parameters, calibration, imus, model, yaml};
 use crate::fit::Calibration;
 use crate::messages::{self, Triad};
 
-/// A format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A format. What is said of each is shown to those who choose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// Our own, for programs.
+    /// Everything, for programs
     Json,
-    /// The same as YAML.
+    /// The same as YAML
     Yaml,
-    /// Kalibr's results: intrinsics of each IMU.
+    /// Intrinsics in the layout of Kalibr's results
     Kalibr,
-    /// Kalibr's `imu.yaml`: the noise of one IMU, which Kalibr reads.
+    /// Kalibr's imu.yaml: noise densities and rate
     KalibrInput,
-    /// dpkoch/imu_calib.
+    /// SM and bias of dpkoch/imu_calib
     ImuCalib,
-    /// Parameters of PX4, as QGroundControl loads them.
+    /// CAL_ACC*, CAL_GYRO* for QGroundControl
     Px4,
-    /// Parameters of ArduPilot, as ground stations load them.
+    /// INS_ACC*, INS_GYR* for ground stations
     Ardupilot,
 }
 
@@ -62,11 +62,11 @@ pub enum Readings {
 }
 
 /// Which way the axes of a sensor point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Axes {
-    /// Forward, left, up: ROS.
+    /// Forward, left, up: ROS
     Flu,
-    /// Forward, right, down: autopilots.
+    /// Forward, right, down: autopilots
     Frd,
 }
 

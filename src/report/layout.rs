@@ -56,8 +56,9 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         let script = json!({"name": format!("{title} of {}", imu.name), "sourceCode": source});
         scripts.insert(format!("stillpoint-{name}-{i}"), script);
     }
-    let mut put = |kind: &str, name: &str, config: Value| {
+    let mut put = |kind: &str, name: &str, mut config: Value| {
         let id = format!("{kind}!{name}{i}");
+        config["lichtblickPanelTitle"] = config["foxglovePanelTitle"].clone();
         panels.insert(id.clone(), config);
         Value::from(id)
     };

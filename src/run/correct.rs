@@ -36,12 +36,18 @@ impl Corrector {
         self.topics.insert(channel.id, topic);
     }
 
+    /// The topic of the corrected messages of a source, which they come from by that channel.
+    pub(super) fn topic(&self, channel: u16, source: &str) -> Option<Topic> {
+        Some(Topic { name: format!("{source}/stillpoint/corrected"), ..self.topics.get(&channel)?.clone() })
+    }
+
     /// Whether there is a corrected message of an IMU of that name.
     pub(super) fn has_written(&self, name: &str) -> bool {
         self.written.contains(name)
     }
 
-    /// Corrects the message that `intake` has just taken, and appends the blocks that were closed before it.
+    /// Corrects the message that `intake` has just taken, appends the blocks that were closed before it, and tells of
+    /// each message that was written.
     pub(super) fn correct<'c>(
         &mut self,
         message: &Message<'_>,
@@ -49,6 +55,7 @@ impl Corrector {
         by: impl Fn(ImuId) -> Option<&'c Corrections>,
         annotator: &mut Annotator,
         blocks: &mut Vec<Block>,
+        mut tell: impl FnMut(&Annotator),
     ) {
         let Some(like) = self.topics.get(&message.channel) else { return };
         let corrected =
@@ -57,6 +64,7 @@ impl Corrector {
             let name = format!("{source}/stillpoint/corrected");
             let topic = || Topic { name: name.clone(), ..like.clone() };
             blocks.extend(annotator.push_message(&name, topic, message.log_time, data));
+            tell(annotator);
             if !self.written.contains(source) {
                 self.written.insert(source.to_owned());
             }
@@ -146,7 +154,7 @@ impl<K: FnMut(&Annotator, Block) -> Result<(), Error>> Listener for Hearing<'_, 
                     intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
                     intake.take_notices();
                     let by = |imu: ImuId| corrections.get(imu.index()).and_then(Option::as_ref);
-                    corrector.correct(&message, intake, by, annotator, blocks);
+                    corrector.correct(&message, intake, by, annotator, blocks, |_| {});
                 }
             }
             _ => {}

@@ -179,7 +179,7 @@ impl Learner {
                 let message = Recorded { channel: self.roster.id(message.channel), ..message };
                 if self.intake.wants(message.channel) {
                     self.message(&message, tell);
-                    self.correct(&message);
+                    self.correct(&message, tell);
                 }
             }
             Event::ChunkEnd => {
@@ -320,10 +320,15 @@ impl Learner {
     }
 
     /// Writes the corrected message, by the calibrations in force.
-    fn correct(&mut self, message: &Recorded<'_>) {
+    fn correct(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
         if self.config.output.corrected == Corrected::Causal {
             let by = |imu: ImuId| self.imus.get(imu.index()).and_then(|imu| imu.corrections.as_ref());
-            self.corrector.correct(message, &self.intake, by, &mut self.annotator, &mut self.blocks);
+            let tell = |annotator: &Annotator| {
+                if let Some((topic, annotation)) = last_of(annotator) {
+                    tell(News::Corrected { topic, annotation });
+                }
+            };
+            self.corrector.correct(message, &self.intake, by, &mut self.annotator, &mut self.blocks, tell);
         }
     }
 
@@ -386,9 +391,15 @@ impl Learner {
 
 /// Tells of the annotation that was added last.
 fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'_>) {
-    let Some(annotation) = annotator.open().last() else { return };
-    let Some(topic) = annotator.topics().get(annotation.topic) else { return };
-    tell(News::Annotation { imu, topic, annotation, event });
+    if let Some((topic, annotation)) = last_of(annotator) {
+        tell(News::Annotation { imu, topic, annotation, event });
+    }
+}
+
+/// The annotation that was added last, and its topic.
+fn last_of(annotator: &Annotator) -> Option<(&Topic, &Annotation)> {
+    let annotation = annotator.open().last()?;
+    Some((annotator.topics().get(annotation.topic)?, annotation))
 }
 
 /// Why there are no corrected messages of an IMU that was calibrated.

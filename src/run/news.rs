@@ -42,6 +42,13 @@ pub enum News<'a> {
         /// What it says.
         event: &'a engine::Event,
     },
+    /// A corrected message was written.
+    Corrected {
+        /// Where it is written to.
+        topic: &'a Topic,
+        /// The message.
+        annotation: &'a Annotation,
+    },
     /// How one IMU stands, each time before [`News::Read`].
     Imu {
         /// What was learned so far.

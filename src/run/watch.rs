@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use self::found::{Stamp, recordings};
 use self::results::{Quarantine, make_way, set_aside};
 use super::metrics::Metrics;
-use super::news::Ending;
+use super::news::{Ending, News};
 use super::output::Written;
 use super::stop::Stop;
 use super::tail::{Following, Tailed, tail};
@@ -54,6 +54,9 @@ pub enum Verdict<'a> {
     Again(&'a Error, Duration),
 }
 
+/// Who else is told what happens to a recording while it grows; asked for anew for each.
+pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&News<'_>) + 'a> + Sync);
+
 #[derive(Debug)]
 struct Entry {
     stamp: Stamp,
@@ -86,6 +89,7 @@ pub fn watch(
     config: &(dyn Fn() -> Config + Sync),
     stop: &Stop,
     metrics: &Metrics,
+    show: Show<'_>,
     tell: &dyn Fn(&Path, Verdict<'_>),
 ) -> Result<(), Error> {
     recordings(&watching.folder)?;
@@ -97,7 +101,7 @@ pub fn watch(
             while let Some((path, finished)) = watcher.next() {
                 let sender: Sender<Finished> = sender.clone();
                 scope.spawn(move || {
-                    let result = one(watching, &path, finished, &config(), stop, metrics);
+                    let result = one(watching, &path, finished, &config(), stop, metrics, show);
                     // Nobody listens any more once the watch ends.
                     let _ = sender.send(Finished { path, result });
                 });
@@ -120,6 +124,7 @@ fn one(
     config: &Config,
     stop: &Stop,
     metrics: &Metrics,
+    show: Show<'_>,
 ) -> Result<Tailed, Error> {
     let output = watching.output(path);
     if let Some(folder) = output.parent() {
@@ -128,7 +133,13 @@ fn one(
     make_way(path, &output, &|_| stop.check())?;
     let idle = if finished { Duration::ZERO } else { watching.following.idle };
     let following = Following { idle, ..watching.following.clone() };
-    let tailed = tail(path, &output, config, &following, stop, &mut |news| metrics.note(path, &news))?;
+    // What is finished is worked through in no time: nobody could watch it.
+    let mut show = (!finished).then(show);
+    let mut tell = |news: News<'_>| {
+        metrics.note(path, &news);
+        show.iter_mut().for_each(|show| show(&news));
+    };
+    let tailed = tail(path, &output, config, &following, stop, &mut tell)?;
     metrics.done(path, &tailed.report, tailed.length);
     match tailed.ending {
         // The name is free for the next recording.

@@ -14,7 +14,7 @@ pub(super) fn section(imu: &Imu<'_>, earlier: Option<&[Findings]>) -> String {
     };
     let triads: String = imu.triads().map(triad).collect();
     let facts = format!(
-        "<p class=\"dim\">Revision {} from {} in {}; gravity {} m/s² ({}).</p>",
+        "<p class=\"dim\">Revision {} from {} in {}; gravity {:.5} m/s² ({}).</p>",
         found.revision,
         count(found.segments, "rest"),
         count(found.placements, "placement"),
