@@ -1,4 +1,5 @@
 // Opens recordings in the viewer of Rerun and waits until it shows their log and their timeline; a picture of each.
+// By hand: software rendering of the viewer is too slow on small machines for CI.
 // node rerun.mjs FOLDER NAME=FILE[,FILE]...     Pictures go into FOLDER. Needs rerun, playwright-core and chromium.
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";

@@ -35,8 +35,8 @@ const GREETING: Duration = Duration::from_millis(500);
 const QUIET: Duration = Duration::from_millis(500);
 /// Viewers have so long to take what is on its way when everything ends.
 const PARTING: Duration = Duration::from_millis(500);
-/// Times that go back by no more are messages out of order, not another recording (10 s).
-const DISORDER: u64 = 10_000_000_000;
+/// Times that go back by no more are of messages that annotations overtook, not of another recording (1 h).
+const DISORDER: u64 = 3_600_000_000_000;
 
 /// A server that viewers connect to. It stops when it is dropped.
 pub struct Live {
