@@ -9,21 +9,22 @@ use crate::record::{Channel, Message, Schema};
 /// What a [`Scan`](super::Scan) has to tell.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// At least `length` bytes are needed from byte `offset` of the recording on: [`Scan::insert`] them.
+    /// At least `length` bytes are needed from byte `offset` of the recording on: [`insert`](super::Scan::insert) them.
     Read {
         /// Where they stand.
         offset: u64,
         /// How many are needed at least.
         length: usize,
     },
-    /// A chunk record begins here: say what becomes of it with [`Scan::supply`].
+    /// A chunk record begins here: say what becomes of it with [`supply`](super::Scan::supply).
     Chunk {
         /// Where it stands.
         offset: u64,
         /// Length of its body.
         length: u64,
     },
-    /// Everything whole has been told. Go on after [`Scan::extend`] or [`Scan::finish`].
+    /// Everything whole has been told. Go on after [`extend`](super::Scan::extend)
+    /// or [`finish`](super::Scan::finish).
     Wait,
     /// The header of the recording.
     Header {
