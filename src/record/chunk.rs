@@ -177,6 +177,8 @@ impl Inflate {
                 break;
             }
         }
+        // A buffer of a longer chunk before has room for more than is claimed.
+        self.out.truncate(size);
         Ok(())
     }
 
