@@ -11,7 +11,8 @@ files and judges nothing.
 Bounds are on what is the work. Where a camera records, copying is the floor: nothing that copies can be further ahead of
 another program than `cp` is, and `cp` is seven times as fast as Python decoding the IMU alone. Where there is an IMU
 alone, the work is decoding and learning, which a copy or a read of it does not do; it is bounded beside programs that
-decode it or write it anew.
+decode it or write it anew. Without compression, `--sidecar` takes 0.9 to 1.4 of the read, run by run: it checks the CRC
+of every chunk, two fifths of its instructions by callgrind, where the read checks nothing and stays in one megabyte.
 """
 
 import argparse
