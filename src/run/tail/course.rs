@@ -1,6 +1,8 @@
 //! How far the following of a recording has come: all that changes with its bytes. Reading them is left to
 //! [`record`](super::record), saving where it stands to [`Checkpoint`](crate::run::checkpoint::Checkpoint).
 
+use mcap::MAGIC;
+
 use super::Shell;
 use super::trail::Trail;
 use crate::Error;
@@ -148,8 +150,8 @@ fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
     Ok(growing.and_then(|mut growing| growing.recognise(&state.known).then_some(growing)))
 }
 
-/// The file, known by its first bytes.
+/// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.
 fn from_the_start(mut growing: Growing) -> Result<Growing, Error> {
-    growing.passed(growing.length().min(64))?;
+    growing.passed(growing.length().min(MAGIC.len() as u64))?;
     Ok(growing)
 }
