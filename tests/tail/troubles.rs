@@ -1,9 +1,7 @@
 //! What goes wrong with a recording while it is followed: a clear message, and whole output.
 
-use std::os::unix::fs::FileExt as _;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use crate::common::Folder;
 use crate::following::{Running, assert_as_batch, length, wait_for};
@@ -174,28 +172,4 @@ fn a_full_disk_is_waited_for() {
     assert_eq!(folder.read("names"), b"a.mcap\n");
     folder.say("annotate demo.mcap -o batch.mcap").ok();
     assert!(folder.read("a.mcap") == folder.read("batch.mcap"));
-}
-
-#[test]
-fn a_chunk_that_was_open_when_the_recording_was_found_may_close() {
-    let folder = Folder::new();
-    Session::six_faces().record(&folder.path().join("whole.mcap"), Style::default(), f64::INFINITY);
-    let whole = folder.read("whole.mcap");
-    // Behind the magic and the header, a chunk whose length a seeking writer fills in later.
-    let chunk = 8 + 9 + u64::from_le_bytes(whole[9..17].try_into().unwrap()) as usize;
-    assert_eq!((whole[chunk], chunk < 55), (6, true));
-    let mut open = whole[..chunk + 100].to_vec();
-    open[chunk + 1..chunk + 9].fill(0xFF);
-    let tail = Running::start_logged(&folder, "tail rec.mcap", "log");
-    let said = |what: &str| String::from_utf8_lossy(&folder.read("log")).contains(what);
-    wait_for("the tail", || said("rec.mcap"));
-    folder.write("rec.mcap", &open);
-    wait_for("the recording", || said("recording"));
-    // It looks around more than once.
-    std::thread::sleep(Duration::from_millis(200));
-    // In its place, as its recorder does.
-    let file = std::fs::OpenOptions::new().write(true).open(folder.path().join("rec.mcap")).unwrap();
-    file.write_all_at(&whole, 0).unwrap();
-    tail.finish().ok();
-    assert_as_batch(&folder, "an open chunk");
 }

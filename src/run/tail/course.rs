@@ -155,3 +155,24 @@ fn from_the_start(mut growing: Growing) -> Result<Growing, Error> {
     growing.passed(growing.length().min(MAGIC.len() as u64))?;
     Ok(growing)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::growing::Look;
+
+    #[test]
+    fn a_chunk_that_is_open_when_the_recording_is_found_may_close() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rec.mcap");
+        let header = [MAGIC, &[1; 30]].concat();
+        std::fs::write(&path, [header.as_slice(), &[6], &[0xFF; 8], &[0; 40]].concat()).unwrap();
+        let mut growing = from_the_start(Growing::open(&path).unwrap().unwrap()).unwrap();
+        // Written over in its place, and further.
+        let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        std::io::Write::write_all(&mut file, &[header.as_slice(), &[6], &[0; 300]].concat()).unwrap();
+        assert_eq!(growing.look().unwrap(), Look::Grown);
+        std::fs::write(&path, [7; 400]).unwrap();
+        assert_eq!(growing.look().unwrap(), Look::Lost, "not even the magic is there");
+    }
+}
