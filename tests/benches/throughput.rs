@@ -1,7 +1,7 @@
 //! The Rust half of `throughput.py`: makes recordings, and does what Stillpoint is compared with, by the `mcap` crate.
 //!
-//! `throughput make KIND BYTES FILE`, `throughput read FILE`, `throughput rewrite FILE OUT`; without arguments, a try of
-//! all three on little ones.
+//! `throughput make KIND BYTES FILE`, `throughput read FILE`, `throughput check FILE`, `throughput rewrite FILE OUT`; without arguments, a
+//! try of all on little ones.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 use std::collections::BTreeMap;
@@ -19,7 +19,8 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["make", kind, bytes, file] => make(kind, bytes.parse().unwrap(), Path::new(file)),
-        ["read", file] => println!("{}", read(Path::new(file))),
+        ["read", file] => println!("{}", read(Path::new(file), false)),
+        ["check", file] => println!("{}", read(Path::new(file), true)),
         ["rewrite", file, out] => rewrite(Path::new(file), Path::new(out)),
         _ => try_all(),
     }
@@ -30,9 +31,9 @@ fn try_all() {
     let (file, out) = (folder.path().join("a.mcap"), folder.path().join("b.mcap"));
     for kind in ["none", "lz4", "zstd", "frames", "imu", "small"] {
         make(kind, 3_000_000, &file);
-        let messages = read(&file);
+        let messages = read(&file, false);
         rewrite(&file, &out);
-        assert!(messages > 0 && read(&out) == messages, "{kind}");
+        assert!(messages > 0 && read(&out, true) == messages, "{kind}");
     }
 }
 
@@ -150,10 +151,11 @@ fn reading(n: u64, stamp: u64, random: &mut ChaCha8Rng) -> Vec<u8> {
     out
 }
 
-/// The fastest way to the messages of one channel: one thread, reads of 1 MiB.
-fn read(path: &Path) -> u64 {
+/// The fastest way to the messages of one channel: one thread, reads of 1 MiB, the CRCs of chunks checked or not.
+fn read(path: &Path, checked: bool) -> u64 {
     let mut file = File::open(path).unwrap();
-    let mut reader = LinearReader::new_with_options(LinearReaderOptions::default().with_record_length_limit(1 << 30));
+    let options = LinearReaderOptions::default().with_record_length_limit(1 << 30).with_validate_chunk_crcs(checked);
+    let mut reader = LinearReader::new_with_options(options);
     let (mut imu, mut messages, mut sum) = (None, 0, 0.0);
     while let Some(event) = reader.next_event() {
         match event.unwrap() {
