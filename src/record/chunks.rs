@@ -1,10 +1,12 @@
 //! Where the chunks of a recording are, and which channels their message indexes name: by framing alone, ahead of a
 //! [`Scan`](super::Scan), which does not depend on what is said here.
 
+use std::collections::BTreeMap;
+
 use super::Error;
 use super::horizon::Frame;
-use super::records::ChunkHeader;
-use super::walk::{ReadAt, Walk};
+use super::records::{ChunkHeader, ChunkIndex};
+use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};
 
 /// How much is read at a time, in bytes: what stands between two chunks is mostly short.
@@ -12,10 +14,16 @@ const BLOCK: u64 = 4 << 10;
 /// Enough for the head of a chunk.
 const HEAD: u64 = 128;
 
+/// Longest chunk index that is looked at (1 MiB): it names all channels there can be.
+const INDEX: u64 = 1 << 20;
+
 /// The chunks of a recording, in order, up to the first trouble.
 pub struct Chunks {
     walk: Walk,
     open: Option<Chunk>,
+    length: u64,
+    /// What the summary says of the chunks, once it was asked.
+    claims: Option<Claims>,
 }
 
 /// A chunk record.
@@ -27,7 +35,8 @@ pub struct Chunk {
     pub length: u64,
     /// What its records take when they are decompressed, as it claims; 0 if they are not compressed.
     pub inflated: u64,
-    /// The channels that its message indexes name; `None` if something about these is strange.
+    /// The channels that its message indexes name; `None` if something about these is strange, or the summary names
+    /// others.
     pub channels: Option<Vec<u16>>,
 }
 
@@ -42,7 +51,12 @@ impl Chunk {
 impl Chunks {
     /// The chunks from `offset` on, where a record begins, of a recording of this length.
     pub fn new(offset: u64, length: u64) -> Self {
-        Self { walk: Walk::new(offset..length, BLOCK), open: None }
+        Self { walk: Walk::new(offset..length, BLOCK), open: None, length, claims: None }
+    }
+
+    /// Goes on from `offset`, where a record begins behind all chunks that were given.
+    pub fn seek(&mut self, offset: u64) {
+        (self.walk, self.open) = (Walk::new(offset..self.length, BLOCK), None);
     }
 
     /// The next one.
@@ -50,6 +64,21 @@ impl Chunks {
     /// # Errors
     /// If the recording cannot be read.
     pub fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
+        let Some(chunk) = self.framed(file)? else { return Ok(None) };
+        let claims = match &mut self.claims {
+            Some(claims) => claims,
+            None => self.claims.insert(Claims::of(file, self.length)?),
+        };
+        let claimed = claims.about(file, chunk.offset)?;
+        let agrees = |named: &Vec<u16>| {
+            claimed.is_none_or(|claimed| {
+                claimed.len() == named.len() && named.iter().all(|channel| claimed.contains_key(channel))
+            })
+        };
+        Ok(Some(Chunk { channels: chunk.channels.filter(agrees), ..chunk }))
+    }
+
+    fn framed(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
         while let Some(frame) = self.walk.next(file)? {
             match frame.opcode {
                 op::CHUNK => {
@@ -92,5 +121,29 @@ impl Chunks {
         let compressed = header.filter(|header| !header.compression.is_empty());
         let inflated = compressed.map_or(0, |header| header.uncompressed_size);
         Ok(Chunk { offset: frame.offset, length: frame.length, inflated, channels: Some(Vec::new()) })
+    }
+}
+
+/// The chunk indexes of the summary, read beside the chunks: both mostly stand in the same order.
+struct Claims {
+    walk: Walk,
+    next: Option<ChunkIndex>,
+}
+
+impl Claims {
+    fn of(file: &mut impl ReadAt, length: u64) -> Result<Self, Error> {
+        let section = summary_section(file, length)?.unwrap_or(length..length);
+        Ok(Self { walk: Walk::new(section, BLOCK), next: None })
+    }
+
+    /// Where the message indexes of the chunk at `offset` stand, by channel, if that is said in its turn.
+    fn about(&mut self, file: &mut impl ReadAt, offset: u64) -> Result<Option<&BTreeMap<u16, u64>>, Error> {
+        while self.next.as_ref().is_none_or(|index| index.offset < offset) {
+            let Some(frame) = self.walk.next(file)? else { return Ok(None) };
+            if frame.opcode == op::CHUNK_INDEX && frame.length <= INDEX {
+                self.next = ChunkIndex::parse(self.walk.body(file, frame, INDEX)?);
+            }
+        }
+        Ok(self.next.as_ref().filter(|index| index.offset == offset).map(|index| &index.message_indexes))
     }
 }

@@ -8,18 +8,14 @@ use mcap::MAGIC;
 
 use super::fold::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, TAIL};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
-use super::walk::{ReadAt, Walk};
-use super::wire::{FRAME, Fields, op};
+use super::walk::{ReadAt, Walk, read, summary_section};
+use super::wire::{DATA_END, FRAME, Fields, op};
 use super::{Channel, Error, Inventory};
 
 /// Largest header or metadata record that can be ours, in bytes.
 const LIMIT: u64 = 1 << 24;
 /// How much is read at a time, in bytes.
 const BLOCK: u64 = 1 << 16;
-/// Of a footer record and the magic behind it.
-const CLOSING: u64 = FRAME as u64 + 20 + 8;
-/// Of a DataEnd record.
-const DATA_END: u64 = FRAME as u64 + 4;
 
 /// Who wrote a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -107,15 +103,9 @@ struct Traces {
 
 impl Traces {
     fn of_summary(file: &mut impl ReadAt, length: u64) -> Result<Option<Self>, Error> {
-        let Some(footer) = length.checked_sub(CLOSING) else { return Ok(None) };
-        let closing = read(file, footer..length)?;
-        let mut fields = Fields(&closing);
-        let is_footer = fields.u8() == Some(op::FOOTER) && fields.u64() == Some(20) && closing.ends_with(MAGIC);
-        let start = fields.u64().filter(|&start| is_footer && start >= DATA_END && start <= footer);
-        let Some(start) = start else { return Ok(None) };
-
-        let mut traces = Self { data_end: start - DATA_END, ..Self::default() };
-        let mut walk = Walk::new(start..footer, BLOCK);
+        let Some(section) = summary_section(file, length)? else { return Ok(None) };
+        let mut traces = Self { data_end: section.start - DATA_END, ..Self::default() };
+        let mut walk = Walk::new(section, BLOCK);
         while let Some(frame) = walk.next(file)? {
             if frame.length <= LIMIT {
                 let body = walk.body(file, frame, LIMIT)?;
@@ -249,10 +239,4 @@ fn is_sidecar(file: &mut impl ReadAt) -> Result<bool, Error> {
     let start = start + FRAME as u64;
     let header = Header::parse(&read(file, start..start + length)?);
     Ok(header.is_some_and(|header| header.library.starts_with(LIBRARY)))
-}
-
-fn read(file: &mut impl ReadAt, range: Range<u64>) -> Result<Vec<u8>, Error> {
-    let mut bytes = vec![0; (range.end - range.start) as usize];
-    file.read_at(range.start, &mut bytes).map_err(|cause| Error::Read { offset: range.start, cause })?;
-    Ok(bytes)
 }

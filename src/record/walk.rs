@@ -4,8 +4,11 @@
 use std::io;
 use std::ops::Range;
 
+use mcap::MAGIC;
+
 use super::Error;
 use super::horizon::{Extent, Frame, Horizon, Stop};
+use super::wire::{CLOSING, DATA_END, Fields, op};
 
 /// Something whose bytes can be read anywhere.
 pub trait ReadAt {
@@ -85,4 +88,21 @@ impl Walk {
         self.horizon.notify_read(length);
         Ok(true)
     }
+}
+
+/// Where the summary section of a file stands, footer excluded, by the footer at the file's end.
+pub(super) fn summary_section(file: &mut impl ReadAt, length: u64) -> Result<Option<Range<u64>>, Error> {
+    let Some(footer) = length.checked_sub(CLOSING) else { return Ok(None) };
+    let closing = read(file, footer..length)?;
+    let mut fields = Fields(&closing);
+    let is_footer = fields.u8() == Some(op::FOOTER) && fields.u64() == Some(20) && closing.ends_with(MAGIC);
+    let start = fields.u64().filter(|&start| is_footer && (DATA_END..=footer).contains(&start));
+    Ok(start.map(|start| start..footer))
+}
+
+/// The bytes in a range.
+pub(super) fn read(file: &mut impl ReadAt, range: Range<u64>) -> Result<Vec<u8>, Error> {
+    let mut bytes = vec![0; (range.end - range.start) as usize];
+    file.read_at(range.start, &mut bytes).map_err(|cause| Error::Read { offset: range.start, cause })?;
+    Ok(bytes)
 }

@@ -7,6 +7,10 @@ pub(super) use mcap::records::op;
 
 /// Opcode and length in front of each record.
 pub(super) const FRAME: usize = 9;
+/// Of a footer record and the magic behind it.
+pub(super) const CLOSING: u64 = FRAME as u64 + 20 + 8;
+/// Of a DataEnd record.
+pub(super) const DATA_END: u64 = FRAME as u64 + 4;
 
 /// Takes fields off the front of a record's body; `None` once it is too short or a string is not UTF-8.
 #[derive(Clone)]

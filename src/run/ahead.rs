@@ -23,7 +23,7 @@ const LONGEST: u64 = 1 << 30;
 pub(super) struct Ahead<'a> {
     recording: &'a Recording,
     work: Sender<Job>,
-    chunks: Option<Chunks>,
+    chunks: Chunks,
     queue: VecDeque<Coming>,
     /// Bytes that the queue stands for.
     held: u64,
@@ -68,7 +68,8 @@ pub(super) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording) {
 impl<'a> Ahead<'a> {
     /// Nothing yet; what is to be opened goes to `work`.
     pub(super) fn new(recording: &'a Recording, work: Sender<Job>) -> Self {
-        Self { recording, work, chunks: None, queue: VecDeque::new(), held: 0, spare: Vec::new() }
+        let chunks = Chunks::new(0, recording.length());
+        Self { recording, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
     }
 
     /// What becomes of the chunk at `offset`. Whether chunks with messages on certain channels need not be read is for
@@ -84,7 +85,7 @@ impl<'a> Ahead<'a> {
             self.next();
         }
         if self.queue.is_empty() {
-            self.chunks = Some(Chunks::new(offset, self.recording.length()));
+            self.chunks.seek(offset);
         }
         if self.held < ROOM / 2 && self.queue.len() < CHUNKS / 2 {
             self.fill(&is_useless)?;
@@ -124,11 +125,7 @@ impl<'a> Ahead<'a> {
         let (mut batch, mut size) = (Vec::new(), 0);
         let (mut sender, mut receiver) = shared();
         while self.held < ROOM && self.queue.len() < CHUNKS {
-            let Some(chunks) = &mut self.chunks else { break };
-            let Some(chunk) = chunks.next(&mut Within(self.recording)).map_err(refused)? else {
-                self.chunks = None;
-                break;
-            };
+            let Some(chunk) = self.chunks.next(&mut Within(self.recording)).map_err(refused)? else { break };
             let useless = chunk.channels.as_ref().is_some_and(|channels| !channels.is_empty() && is_useless(channels));
             if useless || chunk.length > LONGEST {
                 self.queue.push_back(Coming { chunk, done: None, cost: 0 });

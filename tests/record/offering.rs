@@ -96,6 +96,20 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn a_wrong_byte_lets_no_chunk_pass_that_has_messages_of_use(place in any::<prop::sample::Index>(), flip in 1_u8.., compression in 0_u8..3) {
+        let messages = (0..90).map(|n| (n / 10 % 3, 10 * u64::from(n), 50)).collect();
+        let mut file = Recipe { messages, compression, ..Recipe::plain() }.write();
+        let length = file.len();
+        file[8 + place.index(length - 16)] ^= flip;
+        let of_use = |told: Vec<Told>| -> Vec<Told> {
+            told.into_iter().filter(|told| matches!(told, Told::Message { channel: 2.., .. })).collect()
+        };
+        prop_assert_eq!(of_use(pass_over(&file).0), of_use(scan(&file).0));
+    }
+}
+
 #[test]
 fn chunks_are_found_as_the_summary_has_them_and_no_further_than_the_framing_holds() {
     for (path, file) in shared() {

@@ -8,13 +8,8 @@ use super::{Scan, Stage};
 use crate::record::chunk::LIMIT;
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
-use crate::record::wire::{FRAME, Fields, op};
+use crate::record::wire::{CLOSING, DATA_END, FRAME, Fields, op};
 use crate::record::{Channel, Schema};
-
-/// Of a footer record and the magic behind it.
-const CLOSING: u64 = FRAME as u64 + 20 + 8;
-/// Of a DataEnd record.
-const DATA_END: u64 = FRAME as u64 + 4;
 
 /// Where whole records are. Empty if the recording has no summary that holds.
 #[derive(Debug, Default)]
