@@ -25,7 +25,8 @@ pub struct Inventory {
     pub(super) loose: bool,
     /// Whether the recorder wrote a chunk with messages and no message indexes.
     pub(super) unindexed: bool,
-    /// Channels that message indexes mention: the ids of a damaged chunk are taken although its records are lost.
+    /// Channels that message indexes mention, or messages that do not count: their ids are taken although the records that
+    /// define them are lost.
     pub(super) mentioned: BTreeSet<u16>,
     pub(super) summary_only: SummaryOnly,
 }

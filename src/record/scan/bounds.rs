@@ -46,13 +46,13 @@ impl Scan {
         // A record may be longer than its content, but hardly so that records stand where the content ends.
         if let Measure::Says(length) = content
             && length < frame.length
-            && self.chain_at(ends(length))?
+            && self.goes_on_at(ends(length))?
         {
             return Ok(Bounds::Ends(ends(length)));
         }
         let follows = match content {
             Measure::Silent => self.begins_at(frame.end())?,
-            _ => self.chain_at(frame.end())?,
+            _ => self.goes_on_at(frame.end())?,
         };
         if follows {
             let sound = fits(frame.opcode, frame.length);
@@ -63,7 +63,7 @@ impl Scan {
             content => content,
         };
         match beyond {
-            Measure::Says(length) if self.chain_at(ends(length))? => Ok(Bounds::Ends(ends(length))),
+            Measure::Says(length) if self.goes_on_at(ends(length))? => Ok(Bounds::Ends(ends(length))),
             beyond => Ok(Bounds::Lost(Search::behind(frame, beyond))),
         }
     }
@@ -110,11 +110,12 @@ impl Scan {
     }
 
     /// Whether a record begins there, and behind it another one, or the recording ends. A shifted look at a record's head
-    /// may pass for one, but not for two.
+    /// may pass for one, but not for two; unless it begins in the head of a chunk, where the length of what is compressed
+    /// leads to the chunk's end, behind the last letter of how: so the first must not have an opcode that nobody has.
     pub(super) fn chain_at(&self, offset: u64) -> Result<bool, Stop> {
         let first = self.look(offset)?;
         let Some((opcode, length)) = first.and_then(head) else { return Ok(first.is_some_and(<[u8]>::is_empty)) };
-        if !fits(opcode, length) || length > REACH {
+        if !fits(opcode, length) || length > REACH || matches!(opcode, 0x10..0x80) {
             return Ok(false);
         }
         let second = self.look(end(offset, length))?;
@@ -124,15 +125,42 @@ impl Scan {
         Ok(second.is_some_and(begins))
     }
 
+    /// The same, but the end of the recording may have cut the next record off.
+    fn goes_on_at(&self, offset: u64) -> Result<bool, Stop> {
+        Ok(self.chain_at(offset)? || self.is_cut_off_at(offset)?)
+    }
+
+    /// Whether a record begins there that runs past the end of the recording, and whose content says the same, if that is
+    /// still there.
+    fn is_cut_off_at(&self, offset: u64) -> Result<bool, Stop> {
+        let extent = self.horizon.extent();
+        if !extent.finished {
+            return Ok(false);
+        }
+        let Some(seen) = self.look_at(offset, 64)? else { return Ok(false) };
+        let Some((opcode, length)) = head(seen) else { return Ok(!seen.is_empty() && begins(seen)) };
+        let body = seen.get(FRAME..).unwrap_or_default();
+        let agrees = match measure(opcode, body) {
+            Measure::Says(measured) => measured == length,
+            Measure::Needs(_) => true,
+            Measure::Silent => false,
+        };
+        Ok(agrees && fits(opcode, length) && end(offset, length) > extent.length)
+    }
+
     /// The first bytes of what may be a record there; fewer at the end of the recording.
     pub(super) fn look(&self, offset: u64) -> Result<Option<&[u8]>, Stop> {
+        self.look_at(offset, FRAME)
+    }
+
+    fn look_at(&self, offset: u64, most: usize) -> Result<Option<&[u8]>, Stop> {
         let extent = self.horizon.extent();
         let ahead = offset.saturating_sub(self.horizon.offset());
         if ahead > 2 * REACH || (extent.finished && offset > extent.length) {
             return Ok(None);
         }
-        let most = if extent.finished { extent.length - offset } else { u64::MAX };
-        let until = ahead + most.min(FRAME as u64);
+        let left = if extent.finished { extent.length - offset } else { u64::MAX };
+        let until = ahead + left.min(most as u64);
         Ok(self.horizon.peek(until as usize)?.get(ahead as usize..))
     }
 }

@@ -135,6 +135,7 @@ impl Scan {
         match Survey::of(whole) {
             Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
+                self.inventory.mentioned.extend(channel);
                 self.reject(frame, "a message outside the chunks that fits nothing else");
                 self.pass(frame);
             }
