@@ -1,13 +1,14 @@
-"""What readers that are not ours make of the results of damaged recordings: damaged.py STILLPOINT [COUNT]
+"""What readers that are not ours make of the results of damaged recordings: damaged.py STILLPOINT [CUTS FLIPS]
 
-COUNT (default 24) recordings cut off anywhere, and as many with one wrong byte, of a simulated recording and of a real
-one. Each is annotated; @mcap/core and Python's indexed reader, all CRCs checked, then find every message that Stillpoint
+CUTS recordings (24 by default) that were cut off anywhere, and FLIPS with one wrong byte, of a simulated recording and of
+a real one: first every byte of the header, then bytes anywhere. Each is annotated; @mcap/core and Python's indexed reader, all CRCs checked, then find every message that Stillpoint
 did, and its annotations; and strip gives the damaged recording back.
 """
 
 import json
 import os
 import random
+import shutil
 import struct
 import subprocess
 import sys
@@ -16,11 +17,11 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 HERE = Path(__file__).resolve().parent
-OUT = HERE.parent / "target/ci/out"
+OUT = HERE.parent / f"target/ci/damaged.{os.getpid()}"
 HEADER = 8
 
 
-def main(stillpoint, count):
+def main(stillpoint, cuts, flips):
     OUT.mkdir(parents=True, exist_ok=True)
     demo = OUT / "demo.mcap"
     subprocess.run([stillpoint, "simulate", "demo", "-o", demo, "--force", "-q"], check=True)
@@ -32,18 +33,20 @@ def main(stillpoint, count):
         first = HEADER + 9 + struct.unpack_from("<Q", sound, HEADER + 1)[0]
         random.seed(recording.stem)
         headless = 0
-        for n in range(2 * count):
-            if n < count:
+        for n in range(cuts + flips):
+            if n < cuts:
                 place = random.randrange(first, len(sound))
                 damaged, what = sound[:place], f"cut off at {place}"
             else:
-                place, flip = random.randrange(HEADER, len(sound)), random.randrange(1, 256)
+                anywhere, flip = random.randrange(HEADER, len(sound)), random.randrange(1, 256)
+                place = HEADER + n - cuts if HEADER + n - cuts < first else anywhere
                 damaged, what = bytearray(sound), f"byte {place} ^ {flip:#x}"
                 damaged[place] ^= flip
             headless += check(stillpoint, javascript, bytes(damaged), place < first, f"{recording.name}, {what}")
-        print(f"{recording.name}: {count} cut off, {count} with a wrong byte, {headless} of these in the header", flush=True)
+        print(f"{recording.name}: {cuts} cut off, {flips} with a wrong byte, {headless} of these in the header", flush=True)
     javascript.stdin.close()
     assert javascript.wait() == 0
+    shutil.rmtree(OUT)
 
 
 def check(stillpoint, javascript, damaged, in_header, what):
@@ -70,4 +73,4 @@ def check(stillpoint, javascript, damaged, in_header, what):
     return in_header
 
 
-main(Path(sys.argv[1]).resolve(), int(sys.argv[2]) if len(sys.argv) > 2 else 24)
+main(Path(sys.argv[1]).resolve(), *map(int, sys.argv[2:] or [24, 24]))
