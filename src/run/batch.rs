@@ -1,6 +1,9 @@
 //! The batch path: a finished recording in, an annotated recording or a sidecar out.
 //!
-//! What is learned and how it is encoded is left to the layers beneath; what is said about it to the commands.
+//! Learning from it is left to [`lesson`], writing to [`draft`]; what is said about it to the commands.
+
+mod draft;
+mod lesson;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,19 +11,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use self::draft::{Draft, Kept, write_sidecar};
+use self::lesson::Lesson;
 use super::bag::Contents;
 use super::correct::SecondReading;
 use super::input::Input;
-use super::learn::{Learned, Learner, not_corrected, uncorrected};
-use super::output::{Output, Written};
-use super::recording::{Listener, Recording, Watch};
-use super::spill::Spill;
+use super::learn::{Learned, not_corrected, uncorrected};
+use super::output::Written;
+use super::recording::Watch;
 use super::target::Target;
 use crate::Error;
 use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::imu::Verdict;
-use crate::record::{Block, Channel, Damage, Event, Fold, Inventory, Piece, Sidecar, Tail, Topic};
+use crate::record::{Block, Channel, Damage, Inventory, Topic};
 use crate::report::Findings;
 
 /// How to annotate.
@@ -224,127 +228,6 @@ pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
     ])
 }
 
-/// What is written behind the recording, until all of that has been read.
-struct Kept {
-    /// The annotations.
-    blocks: Spill,
-    /// The chunk indexes.
-    indexes: Spill,
-    /// Chunks whose message indexes are damaged.
-    reindexed: Spill,
-}
-
-impl Kept {
-    fn beside(output: &Path) -> Self {
-        let spill = || Spill::beside(output);
-        Self { blocks: spill(), indexes: spill(), reindexed: spill() }
-    }
-
-    fn block(&mut self, block: &Block) -> Result<(), Error> {
-        let mut bytes = Vec::new();
-        block.write(&mut bytes);
-        self.blocks.push_item(&bytes)
-    }
-}
-
-fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
-    Ok(blocks.next_item()?.and_then(|bytes| Block::read(&bytes)))
-}
-
-/// Hears a split.
-struct Listening<'l, 'k> {
-    learner: &'l mut Learner,
-    kept: Option<&'k mut Kept>,
-    /// What there is of annotations.
-    contents: Contents,
-    verify: bool,
-}
-
-impl Listening<'_, '_> {
-    /// Keeps what has been learned.
-    fn keep(&mut self) -> Result<(), Error> {
-        let Self { learner, kept, contents, .. } = self;
-        let blocks: Vec<_> = learner.take_blocks().collect();
-        blocks.iter().try_for_each(|block| {
-            contents.count(learner.topics(), block);
-            kept.as_mut().map_or(Ok(()), |kept| kept.block(block))
-        })
-    }
-}
-
-impl Listener for Listening<'_, '_> {
-    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
-        self.learner.take(event, &mut |_| {});
-        self.keep()
-    }
-
-    fn indexes(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
-        let Some(kept) = &mut self.kept else { return Ok(()) };
-        kept.indexes.push(chunks)?;
-        if reindexed.is_empty() { Ok(()) } else { kept.reindexed.push_item(reindexed) }
-    }
-
-    fn verifies(&self) -> bool {
-        self.verify
-    }
-
-    fn is_useless(&self, channels: &[u16]) -> bool {
-        !self.verify && self.learner.is_useless(channels)
-    }
-}
-
-/// What is learned of a recording while its splits are read.
-struct Lesson<'a> {
-    input: &'a Input,
-    learner: Learner,
-    options: Options,
-    /// Bytes of the splits that have been read.
-    done: u64,
-    /// Messages in the recording.
-    messages: u64,
-    /// Of the splits with their annotations.
-    contents: Vec<Contents>,
-}
-
-impl<'a> Lesson<'a> {
-    fn new(input: &'a Input, config: &Config, options: Options) -> Self {
-        let learner = Learner::new(config);
-        Self { input, learner, options, done: 0, messages: 0, contents: Vec::new() }
-    }
-
-    /// Learns from the next split; what is to be written is kept where there is a place for it.
-    fn read(
-        &mut self,
-        index: usize,
-        split: &Recording,
-        kept: Option<&mut Kept>,
-        watch: Watch<'_>,
-    ) -> Result<Inventory, Error> {
-        let Self { input, learner, .. } = self;
-        learner.begin_split(input.split_names().nth(index), index == 0);
-        let contents = Contents::default();
-        let mut listening = Listening { learner, kept, contents, verify: self.options.verify };
-        let inventory = split.scan(watch, &mut listening)?;
-        let is_last = index + 1 == input.splits.len();
-        if is_last {
-            listening.learner.close(&mut |_| {});
-        } else {
-            listening.learner.end_split();
-        }
-        listening.keep()?;
-        let Listening { learner, mut contents, .. } = listening;
-        if is_last && !self.options.allow_no_imu && !learner.has_imu() {
-            return Err(no_imu(input.path(), learner.channels()));
-        }
-
-        self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();
-        contents.add(&Contents::of(&inventory));
-        self.contents.push(contents);
-        self.done += split.length();
-        Ok(inventory)
-    }
-}
-
 /// Reads the recording again, and corrects its messages by the last calibrations; what is to be written, and into which
 /// split, is told to `keep`.
 fn correct_all(
@@ -379,85 +262,6 @@ fn correct_all(
     Ok(())
 }
 
-/// A split that has been read, and what is to be written behind it.
-struct Draft<'a> {
-    output: Output,
-    split: &'a Recording,
-    inventory: Inventory,
-    kept: Kept,
-}
-
-impl Draft<'_> {
-    fn write(self, settings: &BTreeMap<String, String>, topics: &[Topic], watch: Watch<'_>) -> Result<Output, Error> {
-        let Self { mut output, split, inventory, kept } = self;
-        write_annotated(&mut output, split, inventory, settings, topics, kept, watch)?;
-        Ok(output)
-    }
-}
-
-fn write_annotated(
-    output: &mut Output,
-    recording: &Recording,
-    inventory: Inventory,
-    settings: &BTreeMap<String, String>,
-    topics: &[Topic],
-    mut kept: Kept,
-    watch: Watch<'_>,
-) -> Result<(), Error> {
-    let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
-    let tail = tail(recording, inventory.prefix(), watch)?;
-    let (mut fold, pieces) = Fold::open(inventory, tail, settings, topics).map_err(refused)?;
-    for piece in pieces {
-        match piece {
-            Piece::Original(range) if range.start == 0 => output.keep(range, recording)?,
-            piece => output.put(&piece, recording)?,
-        }
-    }
-    kept.blocks.rewind()?;
-    while let Some(block) = next_block(&mut kept.blocks)? {
-        watch(recording.length())?;
-        output.put(&fold.block(topics, &block).map_err(refused)?, recording)?;
-        kept.indexes.push(&fold.take_indexes())?;
-    }
-    kept.reindexed.rewind()?;
-    while let Some(taken) = kept.reindexed.next_item()? {
-        watch(recording.length())?;
-        fold.reindex(&taken).iter().try_for_each(|piece| output.put(piece, recording))?;
-        kept.indexes.push(&fold.take_indexes())?;
-    }
-    output.close(fold.close(), kept.indexes, recording)
-}
-
-fn write_sidecar(
-    output: &mut Output,
-    recording: &Recording,
-    profile: &str,
-    settings: &BTreeMap<String, String>,
-    topics: &[Topic],
-    mut kept: Kept,
-) -> Result<(), Error> {
-    let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
-    let (mut sidecar, head) = Sidecar::open(profile, settings);
-    output.put(&Piece::Bytes(head), recording)?;
-    kept.blocks.rewind()?;
-    // Those of the recording are of no use here.
-    let mut indexes = Spill::beside(recording.path());
-    while let Some(block) = next_block(&mut kept.blocks)? {
-        let bytes = sidecar.block(topics, &block).map_err(refused)?;
-        output.put(&Piece::Bytes(bytes), recording)?;
-        indexes.push(&sidecar.take_indexes())?;
-    }
-    output.close(sidecar.close(), indexes, recording)
-}
-
-/// What stands behind the prefix; a summary, mostly, but all that follows the damage in a damaged recording.
-fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Error> {
-    let length = recording.length().saturating_sub(prefix);
-    let mut crc = crc32fast::Hasher::new();
-    recording.read(prefix..recording.length(), watch, |bytes| crc.update(bytes))?;
-    Ok(Tail { length, crc: crc.finalize() })
-}
-
 impl Report {
     fn new(learned: Learned, messages: u64) -> Self {
         let Learned { imus, channels, notes, damage, damages, .. } = learned;
@@ -476,33 +280,4 @@ impl Report {
             messages: read.map(messages).sum(),
         }
     }
-}
-
-/// The topics there are, why they are not used, and how to map one.
-pub(super) fn no_imu<'a>(
-    path: &Path,
-    channels: impl Iterator<Item = (&'a Channel, &'a Verdict, &'a str)> + Clone,
-) -> Error {
-    const LISTED: usize = 8;
-    let topic = |(channel, verdict, kind): (&Channel, &Verdict, &'a str)| {
-        let kind = if kind.is_empty() { &channel.message_encoding } else { kind };
-        match verdict {
-            Verdict::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
-            _ => format!("{} ({kind})", channel.topic),
-        }
-    };
-    let mut topics: Vec<_> = channels.clone().map(topic).collect();
-    topics.sort();
-    let further = topics.len().saturating_sub(LISTED);
-    topics.truncate(LISTED);
-    let listed = match (topics.as_slice(), further) {
-        ([], _) => return Error::input(path, "no usable IMU topic: the recording has no topics at all"),
-        (topics, 0) => topics.join(", "),
-        (topics, further) => format!("{} and {further} more", topics.join(", ")),
-    };
-    let advice = match super::channels::suggested(channels.map(|(_, verdict, _)| verdict)) {
-        Some(imu) => format!("add --set '{}', which looks right by its names", imu.setting()),
-        None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
-    };
-    Error::input(path, format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics"))
 }

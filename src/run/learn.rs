@@ -2,19 +2,25 @@
 //!
 //! Reading the messages is left to [`Recording`](super::recording::Recording), writing the annotations to [`annotate`](super::annotate()).
 
+mod recall;
+mod setup;
+mod words;
+
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use self::setup::{engine_config, topic_of};
+pub(super) use self::words::{missing, not_corrected, uncorrected};
 use super::correct::Corrector;
 use super::news::{News, Tell};
 use super::roster::Roster;
 use crate::Stamp;
-use crate::annotate::{self, Annotator, Corrected, Corrections};
+use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
-use crate::engine::{self, Engine, Message, Secondary};
+use crate::engine::{self, Engine, Message};
 use crate::fit::{Gravity, Place, Source};
-use crate::imu::{Fix, Imu, ImuId, Intake, MissingTopic, Reading, Sensor, Verdict};
+use crate::imu::{Fix, Imu, ImuId, Intake, Reading, Sensor, Verdict};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Schema, Topic};
@@ -106,35 +112,6 @@ impl Learner {
             readings: Vec::new(),
             events: Vec::new(),
         }
-    }
-
-    /// Goes on with what was saved under the same configuration. What had been learned is to be
-    /// [recalled](Self::recall) from the annotations.
-    pub(super) fn resume(mut self, config: &Config) -> Self {
-        self.config = config.clone();
-        for i in 0..self.imus.len() {
-            let findings = self.intake.imus().get(i).map(|imu| self.nothing_of(imu)).unwrap_or_default();
-            self.imus.get_mut(i).into_iter().for_each(|learning| learning.findings = findings.clone());
-        }
-        self
-    }
-
-    /// Takes in an annotation that was written before.
-    pub(super) fn recall(&mut self, topic: &str, event: &engine::Event) {
-        let imu = topic.split_once("/stillpoint/").map(|(imu, _)| imu);
-        let known = self.imus.iter_mut().find(|learning| Some(&*learning.findings.name) == imu);
-        known.into_iter().for_each(|learning| learning.findings.note(event));
-    }
-
-    /// Takes in the annotations that had not been written before.
-    pub(super) fn recall_open(&mut self) {
-        let said = |annotation: &Annotation| {
-            let topic = self.annotator.topics().get(annotation.topic)?;
-            let message = annotate::read(&topic.schema_name, &topic.message_encoding, &annotation.data).ok()?;
-            Some((topic.name.clone(), engine::Event { log_time: annotation.log_time, message }))
-        };
-        let open: Vec<_> = self.annotator.open().iter().filter_map(said).collect();
-        open.iter().for_each(|(topic, event)| self.recall(topic, event));
     }
 
     /// Tells of the channels so far once more.
@@ -400,68 +377,4 @@ fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'
 fn last_of(annotator: &Annotator) -> Option<(&Topic, &Annotation)> {
     let annotation = annotator.open().last()?;
     Some((annotator.topics().get(annotation.topic)?, annotation))
-}
-
-/// Why there are no corrected messages of an IMU that was calibrated.
-pub(super) fn not_corrected(imu: &Findings) -> String {
-    format!("{}: no message could be corrected: its readings are integers, which cannot hold the result", imu.name)
-}
-
-/// Which readings stay as they are in corrected messages, in words, if any do.
-pub(super) fn uncorrected(name: &str, corrections: &Corrections) -> Option<String> {
-    let left = corrections.undetermined();
-    let list = left.join(", ");
-    (!left.is_empty()).then(|| {
-        format!(
-            "{name}: corrected messages leave what is not determined, or depends on what the other sensor reads at that \
-             instant, as it is: {list}"
-        )
-    })
-}
-
-/// What the configuration names and the recording lacks, one line each.
-pub(super) fn missing(intake: &Intake) -> Vec<String> {
-    let line = |missing: MissingTopic| {
-        let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
-        format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
-    };
-    intake.missing_topics().into_iter().map(line).collect()
-}
-
-fn topic_of(imu: &Imu, sensor: Sensor) -> &str {
-    imu.triads.iter().find(|triad| triad.sensor == sensor).map_or("", |triad| &triad.topic)
-}
-
-fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
-    let topic = |sensor| topic_of(imu, sensor).to_owned();
-    let mut secondary = Vec::new();
-    for triad in &imu.triads {
-        if let Sensor::Secondary(i) = triad.sensor {
-            secondary.resize_with(secondary.len().max(i + 1), Default::default);
-            if let Some(place) = secondary.get_mut(i) {
-                *place = Secondary {
-                    name: triad.name.clone(),
-                    topic: triad.topic.clone(),
-                    preset: triad.preset,
-                    model: triad.model,
-                };
-            }
-        }
-    }
-    let preset = imu.triads.iter().find(|t| t.sensor == Sensor::Accelerometer).and_then(|triad| triad.preset);
-    let config = engine::Config {
-        name: imu.name.clone(),
-        frame_id: imu.frame_id.clone(),
-        accelerometer: topic(Sensor::Accelerometer),
-        gyroscope: topic(Sensor::Gyroscope),
-        secondary,
-        preset: None,
-        reference: imu.reference,
-        still: config.still.clone(),
-        fit: config.fit.clone(),
-    };
-    match preset {
-        Some(preset) => config.of(preset),
-        None => config,
-    }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::batch::no_imu;
+use super::channels::no_imu;
 use super::input::{Input, Read};
 use super::learn::Learner;
 use super::recording::Watch;

@@ -8,6 +8,7 @@ use crate::Error;
 use crate::annotate::Corrected;
 use crate::record::{Damage, Event, Piece, Sidecar};
 use crate::run::batch::{self, Followed, Form, Options, Report};
+use crate::run::channels;
 use crate::run::checkpoint::Split;
 use crate::run::input::Input;
 use crate::run::learn::Learned;
@@ -154,6 +155,6 @@ impl Course {
 fn no_imu(trail: &Trail, splits: &[Split], learned: &Learned) -> Error {
     let kind =
         |id| splits.iter().find_map(|split| split.inventory.schemas().get(&id)).map_or("", |schema| &schema.name);
-    let channels = learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
-    batch::no_imu(trail.path(), channels)
+    let of_channels = learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
+    channels::no_imu(trail.path(), of_channels)
 }

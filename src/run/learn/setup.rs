@@ -1,0 +1,44 @@
+//! What an engine is told of its IMU.
+
+use crate::config::Config;
+use crate::engine::{self, Secondary};
+use crate::imu::{Imu, Sensor};
+
+/// The topic of a sensor; empty if there is none.
+pub(super) fn topic_of(imu: &Imu, sensor: Sensor) -> &str {
+    imu.triads.iter().find(|triad| triad.sensor == sensor).map_or("", |triad| &triad.topic)
+}
+
+pub(super) fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
+    let topic = |sensor| topic_of(imu, sensor).to_owned();
+    let mut secondary = Vec::new();
+    for triad in &imu.triads {
+        if let Sensor::Secondary(i) = triad.sensor {
+            secondary.resize_with(secondary.len().max(i + 1), Default::default);
+            if let Some(place) = secondary.get_mut(i) {
+                *place = Secondary {
+                    name: triad.name.clone(),
+                    topic: triad.topic.clone(),
+                    preset: triad.preset,
+                    model: triad.model,
+                };
+            }
+        }
+    }
+    let preset = imu.triads.iter().find(|t| t.sensor == Sensor::Accelerometer).and_then(|triad| triad.preset);
+    let config = engine::Config {
+        name: imu.name.clone(),
+        frame_id: imu.frame_id.clone(),
+        accelerometer: topic(Sensor::Accelerometer),
+        gyroscope: topic(Sensor::Gyroscope),
+        secondary,
+        preset: None,
+        reference: imu.reference,
+        still: config.still.clone(),
+        fit: config.fit.clone(),
+    };
+    match preset {
+        Some(preset) => config.of(preset),
+        None => config,
+    }
+}
