@@ -8,14 +8,15 @@ mod data_section;
 mod event;
 mod guide;
 mod message_indexes;
+mod position;
 mod search;
 mod summary_section;
+mod trouble;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 use mcap::MAGIC;
-use serde::{Deserialize, Serialize};
 
 use self::attachments::Attaching;
 use self::bounds::Bounds;
@@ -24,11 +25,11 @@ use self::data_section::Telling;
 pub use self::event::{Damage, Event};
 use self::guide::{Asking, Guide};
 use self::message_indexes::{OpenChunk, Reindexing};
+pub use self::position::Position;
 use self::search::Search;
 use self::summary_section::SummarySection;
 use super::chunk::{Inflate, Opened};
 use super::horizon::{Extent, Frame, Horizon, Stop};
-use super::shape::Measure;
 use super::wire::{FRAME, op};
 use super::{Error, Inventory, Message};
 
@@ -99,25 +100,6 @@ pub enum Supply {
     Absent,
 }
 
-/// Where a scan stands between two records in front of the summary, to be taken up again.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Position {
-    offset: u64,
-    inventory: Inventory,
-    chunk: Option<OpenChunk>,
-    orphans: bool,
-    lengths: BTreeMap<u16, (u64, u64)>,
-    trusted: Option<u64>,
-    data_crc: Option<u32>,
-}
-
-impl Position {
-    /// The profile that the recording's header states.
-    pub fn profile(&self) -> &str {
-        self.inventory.profile()
-    }
-}
-
 /// An event without its data, which stays where it is.
 enum Step {
     Stop(Stop),
@@ -160,29 +142,6 @@ impl Scan {
         scan.extend(length);
         scan.finish();
         scan
-    }
-
-    /// A scan of a recording that may grow, from where another one stood. Its length is 0 as with [`Scan::new`].
-    pub fn resume(position: Position) -> Self {
-        let Position { offset, inventory, chunk, orphans, lengths, trusted, data_crc } = position;
-        let (stage, data_crc) = (Stage::Record, DataCrc::resume(data_crc));
-        let mut scan = Self { inventory, chunk, orphans, lengths, trusted, stage, data_crc, ..Self::default() };
-        scan.horizon.skip(offset);
-        scan
-    }
-
-    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun.
-    pub fn position(&self) -> Option<Position> {
-        let between = matches!(self.stage, Stage::Record) && self.queue.is_empty() && !self.summary.begun;
-        between.then(|| Position {
-            offset: self.horizon.offset(),
-            inventory: self.inventory.clone(),
-            chunk: self.chunk.clone(),
-            orphans: self.orphans,
-            lengths: self.lengths.clone(),
-            trusted: self.trusted,
-            data_crc: self.data_crc.value(),
-        })
     }
 
     /// The recording is this long now. No byte beyond is asked for, and no record that reaches beyond is whole.
@@ -377,26 +336,6 @@ impl Scan {
         }
     }
 
-    /// A record runs past the end of the recording: it was cut off, or its length is corrupt.
-    fn cut(&mut self, claimed: u64) -> Result<(), Stop> {
-        let Ok(head) = self.horizon.peek(FRAME) else {
-            self.end("the recording ends in the midst of a record: it was cut off");
-            return Ok(());
-        };
-        let frame =
-            Frame { offset: self.horizon.offset(), opcode: head.first().copied().unwrap_or_default(), length: claimed };
-        let content = self.measured(frame, u64::MAX)?;
-        let left = self.horizon.extent().length - frame.offset - FRAME as u64;
-        match (frame.opcode, content) {
-            (op::CHUNK, _) if claimed == u64::MAX => self.end("the recording ends in a chunk that was never closed"),
-            // Both lengths agree, and what is left of the record is none of our business.
-            (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
-            (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
-            (opcode, content) => return self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
-        }
-        Ok(())
-    }
-
     /// Goes on behind a record; all that is whole in front of DataEnd is prefix.
     fn pass(&mut self, frame: Frame) {
         self.consume(frame.end() - self.horizon.offset());
@@ -405,38 +344,6 @@ impl Scan {
         }
         self.stage = Stage::Record;
     }
-
-    fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
-        self.inventory.damage += 1;
-        let mut what = what.into();
-        if offset == MAGIC.len() as u64 && offset + length < self.horizon.extent().length {
-            what.push_str(
-                " (in the place of the header: who insists on one, as Foxglove does, opens no copy of this either)",
-            );
-        }
-        self.queue.push_back(Step::Damage(Damage { offset, length, what }));
-    }
-
-    /// A record is damaged, but its framing is sound.
-    fn reject(&mut self, frame: Frame, what: impl Into<String>) {
-        self.damage(frame.offset, frame.end() - frame.offset, what);
-    }
-
-    /// Nothing can be read from here on.
-    fn end(&mut self, what: impl Into<String>) {
-        if self.close_chunk(None) {
-            return;
-        }
-        self.accept_summary();
-        let offset = self.horizon.offset();
-        self.damage(offset, self.horizon.extent().length.saturating_sub(offset), what);
-        self.queue.push_back(Step::End);
-        self.stage = Stage::Done;
-    }
-}
-
-fn cut_off(claimed: u64) -> String {
-    format!("a record of {claimed} bytes runs past the end of the recording: it was cut off, or the length is corrupt")
 }
 
 /// The part of what `horizon` has buffered.

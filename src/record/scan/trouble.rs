@@ -1,0 +1,65 @@
+//! What is wrong with a recording, and what becomes of the scan then: it goes on behind a record whose framing is sound,
+//! [searches](super::search) where it is not, or ends.
+
+use mcap::MAGIC;
+
+use super::event::Damage;
+use super::search::Search;
+use super::{Scan, Stage, Step};
+use crate::record::horizon::{Frame, Stop};
+use crate::record::shape::Measure;
+use crate::record::wire::{FRAME, op};
+
+impl Scan {
+    /// A record runs past the end of the recording: it was cut off, or its length is corrupt.
+    pub(super) fn cut(&mut self, claimed: u64) -> Result<(), Stop> {
+        let Ok(head) = self.horizon.peek(FRAME) else {
+            self.end("the recording ends in the midst of a record: it was cut off");
+            return Ok(());
+        };
+        let frame =
+            Frame { offset: self.horizon.offset(), opcode: head.first().copied().unwrap_or_default(), length: claimed };
+        let content = self.measured(frame, u64::MAX)?;
+        let left = self.horizon.extent().length - frame.offset - FRAME as u64;
+        match (frame.opcode, content) {
+            (op::CHUNK, _) if claimed == u64::MAX => self.end("the recording ends in a chunk that was never closed"),
+            // Both lengths agree, and what is left of the record is none of our business.
+            (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
+            (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
+            (opcode, content) => return self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
+        }
+        Ok(())
+    }
+
+    pub(super) fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
+        self.inventory.damage += 1;
+        let mut what = what.into();
+        if offset == MAGIC.len() as u64 && offset + length < self.horizon.extent().length {
+            what.push_str(
+                " (in the place of the header: who insists on one, as Foxglove does, opens no copy of this either)",
+            );
+        }
+        self.queue.push_back(Step::Damage(Damage { offset, length, what }));
+    }
+
+    /// A record is damaged, but its framing is sound.
+    pub(super) fn reject(&mut self, frame: Frame, what: impl Into<String>) {
+        self.damage(frame.offset, frame.end() - frame.offset, what);
+    }
+
+    /// Nothing can be read from here on.
+    pub(super) fn end(&mut self, what: impl Into<String>) {
+        if self.close_chunk(None) {
+            return;
+        }
+        self.accept_summary();
+        let offset = self.horizon.offset();
+        self.damage(offset, self.horizon.extent().length.saturating_sub(offset), what);
+        self.queue.push_back(Step::End);
+        self.stage = Stage::Done;
+    }
+}
+
+fn cut_off(claimed: u64) -> String {
+    format!("a record of {claimed} bytes runs past the end of the recording: it was cut off, or the length is corrupt")
+}
