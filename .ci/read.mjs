@@ -12,9 +12,11 @@ const decompressHandlers = await loadDecompressHandlers();
 async function count(path) {
   const file = await open(path);
   try {
+    const { size } = await file.stat();
     const readable = {
-      size: async () => BigInt((await file.stat()).size),
+      size: async () => BigInt(size),
       read: async (offset, length) => {
+        if (offset + length > BigInt(size)) throw new Error(`${length} bytes at ${offset} of ${size}`);
         const bytes = new Uint8Array(Number(length));
         await file.read(bytes, 0, bytes.length, Number(offset));
         return bytes;
