@@ -261,10 +261,7 @@ fn chunks_without_an_imu_are_copied_unread_unless_they_are_to_be_verified() {
                 log_time: message.log_time,
                 publish_time: message.log_time,
             };
-            // The first stands in a chunk with readings, which therefore defines the channel.
-            if n > 1000 {
-                writer.flush().unwrap();
-            }
+            writer.flush().unwrap();
             writer.write_to_known_channel(&header, &[0xA5; 5000]).unwrap();
             writer.flush().unwrap();
         }
@@ -288,6 +285,56 @@ fn chunks_without_an_imu_are_copied_unread_unless_they_are_to_be_verified() {
     let run = folder.say("annotate x.mcap -o verified.mcap --verify");
     assert_eq!(run.code, 3);
     assert!(run.stderr.contains("a chunk whose CRC does not hold"), "{}", run.stderr);
+}
+
+#[test]
+fn a_chunk_of_pictures_that_defines_the_imu_is_read() {
+    let folder = Folder::new();
+    folder.say("simulate demo -o demo.mcap").ok();
+    let demo = folder.read("demo.mcap");
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::WriteOptions::new().profile("ros2").compression_threads(0).create(&mut out).unwrap();
+    let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"uint8[] data").unwrap();
+    let camera = writer.add_channel(schema, "/camera", "cdr", &Default::default()).unwrap();
+    let mut picture = |writer: &mut mcap::Writer<_>, log_time| {
+        let header = mcap::records::MessageHeader { channel_id: camera, sequence: 0, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &[0xA5; 5000]).unwrap();
+        writer.flush().unwrap();
+    };
+    let mut channels = std::collections::BTreeMap::new();
+    for (n, message) in mcap::MessageStream::new(&demo).unwrap().enumerate() {
+        let message = message.unwrap();
+        if n == 0 {
+            (0..3).for_each(|_| picture(&mut writer, message.log_time));
+        }
+        let is_new = !channels.contains_key(&message.channel.id);
+        let channel_id = *channels.entry(message.channel.id).or_insert_with(|| {
+            let mcap::Channel { topic, schema, message_encoding, metadata, .. } = &*message.channel;
+            let schema = schema.as_ref().unwrap();
+            let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();
+            writer.add_channel(schema, topic, message_encoding, metadata).unwrap()
+        });
+        if is_new {
+            picture(&mut writer, message.log_time);
+        }
+        let mcap::Message { sequence, log_time, publish_time, .. } = message;
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time };
+        writer.write_to_known_channel(&header, &message.data).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let whole = out.into_inner();
+    // With its summary, and without: cut off behind the readings.
+    for (name, file) in [("whole", &whole[..]), ("cut", &whole[..whole.len() * 9 / 10])] {
+        folder.write(&format!("{name}.mcap"), file);
+        let code = if name == "whole" { 0 } else { 3 };
+        for verify in ["", "--verify"] {
+            let run = folder.say(&format!("annotate {name}.mcap -o {name}{verify}.out.mcap --json {verify}"));
+            assert_eq!(run.code, code, "{}", run.stderr);
+            assert!(run.json()["imus"][0]["accelerometer"].is_object(), "{name} {verify}");
+        }
+        assert!(folder.read(&format!("{name}.out.mcap")) == folder.read(&format!("{name}--verify.out.mcap")), "{name}");
+    }
 }
 
 #[test]

@@ -1,19 +1,22 @@
 //! Where the chunks of a recording are, and which channels their message indexes name: by framing alone, ahead of a
 //! [`Scan`](super::Scan), which does not depend on what is said here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
 use super::horizon::Frame;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};
+use super::Inventory;
 
 /// How much is read at a time, in bytes: what stands between two chunks is mostly short.
 const BLOCK: u64 = 4 << 10;
 /// Enough for the head of a chunk.
 const HEAD: u64 = 128;
 
+/// The same of the summary, which is read to its end.
+const SUMMARY_BLOCK: u64 = 64 << 10;
 /// Longest chunk index that is looked at (1 MiB): it names all channels there can be.
 const INDEX: u64 = 1 << 20;
 
@@ -65,10 +68,7 @@ impl Chunks {
     /// If the recording cannot be read.
     pub fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
         let Some(chunk) = self.framed(file)? else { return Ok(None) };
-        let claims = match &mut self.claims {
-            Some(claims) => claims,
-            None => self.claims.insert(Claims::of(file, self.length)?),
-        };
+        let claims = self.claims(file)?;
         let claimed = claims.about(file, chunk.offset)?;
         let agrees = |named: &Vec<u16>| {
             claimed.is_none_or(|claimed| {
@@ -76,6 +76,26 @@ impl Chunks {
             })
         };
         Ok(Some(Chunk { channels: chunk.channels.filter(agrees), ..chunk }))
+    }
+
+    /// Whether chunks may be passed over: by the summary, nothing is defined in them that is not known. Where there is no
+    /// summary, nobody can tell.
+    ///
+    /// # Errors
+    /// If the recording cannot be read.
+    pub fn define_nothing_beyond(&mut self, known: &Inventory, file: &mut impl ReadAt) -> Result<bool, Error> {
+        let Some(undefined) = &mut self.claims(file)?.undefined else { return Ok(false) };
+        undefined.schemas.retain(|id| !known.schemas().contains_key(id));
+        undefined.channels.retain(|id| !known.channels().contains_key(id));
+        Ok(undefined.schemas.is_empty() && undefined.channels.is_empty())
+    }
+
+    fn claims(&mut self, file: &mut impl ReadAt) -> Result<&mut Claims, Error> {
+        match &mut self.claims {
+            Some(_) => {}
+            none => *none = Some(Claims::of(file, self.length)?),
+        }
+        Ok(self.claims.get_or_insert_default())
     }
 
     fn framed(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
@@ -124,16 +144,37 @@ impl Chunks {
     }
 }
 
-/// The chunk indexes of the summary, read beside the chunks: both mostly stand in the same order.
+/// What the summary says. Its chunk indexes are read beside the chunks: both mostly stand in the same order.
+#[derive(Default)]
 struct Claims {
     walk: Walk,
     next: Option<ChunkIndex>,
+    /// What it says is defined and has not been met yet; `None` without summary.
+    undefined: Option<Definitions>,
+}
+
+/// Schemas and channels, by their ids.
+#[derive(Default)]
+struct Definitions {
+    schemas: BTreeSet<u16>,
+    channels: BTreeSet<u16>,
 }
 
 impl Claims {
     fn of(file: &mut impl ReadAt, length: u64) -> Result<Self, Error> {
-        let section = summary_section(file, length)?.unwrap_or(length..length);
-        Ok(Self { walk: Walk::new(section, BLOCK), next: None })
+        let Some(section) = summary_section(file, length)? else { return Ok(Self::default()) };
+        let mut walk = Walk::new(section.clone(), SUMMARY_BLOCK);
+        let mut definitions = Definitions::default();
+        while let Some(frame) = walk.next(file)? {
+            // No id is behind the first two bytes.
+            let id = Fields(walk.body(file, frame, 2)?).u16();
+            match frame.opcode {
+                op::SCHEMA => definitions.schemas.extend(id),
+                op::CHANNEL => definitions.channels.extend(id),
+                _ => {}
+            }
+        }
+        Ok(Self { walk: Walk::new(section, BLOCK), next: None, undefined: Some(definitions) })
     }
 
     /// Where the message indexes of the chunk at `offset` stand, by channel, if that is said in its turn.

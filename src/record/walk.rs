@@ -29,6 +29,7 @@ impl ReadAt for &[u8] {
 }
 
 /// A walk over the records of a part of a file.
+#[derive(Default)]
 pub(super) struct Walk {
     horizon: Horizon,
     /// Length of the record that was given last.

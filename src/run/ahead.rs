@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::recording::{Recording, Within};
 use crate::Error;
-use crate::record::{Chunk, Chunks, Opened, Opener, Supply};
+use crate::record::{Chunk, Chunks, Inventory, Opened, Opener, Supply};
 
 /// Small chunks are handed to a thread by so many bytes (256 KiB).
 const BATCH: u64 = 256 << 10;
@@ -72,14 +72,19 @@ impl<'a> Ahead<'a> {
         Self { recording, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
     }
 
-    /// What becomes of the chunk at `offset`. Whether chunks with messages on certain channels need not be read is for
-    /// `is_useless` to say, now for this one, and as a guess for those that follow.
+    /// What becomes of the chunk at `offset`, where the recording was scanned so far. Whether chunks with messages on
+    /// certain channels need not be read is for `is_useless` to say, now for this one, and as a guess for those that
+    /// follow.
     pub(super) fn supply(
         &mut self,
         offset: u64,
         length: u64,
+        scanned: &Inventory,
         is_useless: impl Fn(&[u16]) -> bool,
     ) -> Result<Supply, Error> {
+        let may_pass = self.chunks.define_nothing_beyond(scanned, &mut Within(self.recording));
+        let may_pass = may_pass.map_err(|e| Error::input(self.recording.path(), e.to_string()))?;
+        let is_useless = |channels: &[u16]| may_pass && is_useless(channels);
         // The scan may pass over chunks that were found, and find others behind what is damaged.
         while self.queue.front().is_some_and(|coming| coming.chunk.offset < offset) {
             self.next();

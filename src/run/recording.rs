@@ -271,7 +271,9 @@ impl Recording {
                     watch(offset)?;
                     listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
                     scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
-                    scan.supply(ahead.supply(offset, length, |channels| listener.is_useless(channels))?);
+                    let is_useless = |channels: &[u16]| listener.is_useless(channels);
+                    let supply = ahead.supply(offset, length, scan.inventory(), is_useless)?;
+                    scan.supply(supply);
                     block = LEAST;
                 }
                 Event::Wait | Event::End => {
