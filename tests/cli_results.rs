@@ -296,7 +296,7 @@ fn a_chunk_of_pictures_that_defines_the_imu_is_read() {
     let mut writer = mcap::WriteOptions::new().profile("ros2").compression_threads(0).create(&mut out).unwrap();
     let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"uint8[] data").unwrap();
     let camera = writer.add_channel(schema, "/camera", "cdr", &Default::default()).unwrap();
-    let mut picture = |writer: &mut mcap::Writer<_>, log_time| {
+    let picture = |writer: &mut mcap::Writer<_>, log_time| {
         let header = mcap::records::MessageHeader { channel_id: camera, sequence: 0, log_time, publish_time: log_time };
         writer.write_to_known_channel(&header, &[0xA5; 5000]).unwrap();
         writer.flush().unwrap();
