@@ -219,11 +219,12 @@ impl Watcher<'_> {
             Ok(tailed) => {
                 (self.tell)(&path, Verdict::Annotated(&tailed));
                 let _ = std::fs::remove_file(self.watching.quarantine(&path));
+                let is_its = |length| length == now.length || length == results::length(&path, &now);
                 entry.state = match tailed.ending {
                     // Another recording may have taken the name since.
                     Ending::Replaced | Ending::Truncated => State::Waiting,
                     // It has just been compared, whatever its times say.
-                    _ if tailed.written == Written::Before && tailed.length == now.length => State::Annotated,
+                    _ if tailed.written == Written::Before && is_its(tailed.length) => State::Annotated,
                     Ending::Finished | Ending::Idle | Ending::Deleted => self.watching.state(&path, &now),
                 };
                 entry.attempts = 0;

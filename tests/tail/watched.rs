@@ -334,6 +334,25 @@ fn a_recording_that_is_changed_after_it_was_annotated_is_annotated_anew() {
 }
 
 #[test]
+fn a_recording_that_was_annotated_before_it_appeared_is_annotated_once() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.write("in/rec.mcap", &session(1));
+    folder.say("annotate --in-place in/rec.mcap --set fit.gravity=9.81 -q").ok();
+    let running = start(&folder);
+    wait_for_results(&folder, &["rec.annotated.mcap"]);
+    std::thread::sleep(Duration::from_millis(300));
+    running.kill();
+    assert_eq!(logged(&folder).matches("annotated:").count(), 1, "{}", logged(&folder));
+    let running = start(&folder);
+    wait_for("an answer", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 1"));
+    running.kill();
+    let mut found = BTreeMap::new();
+    results(&folder.path().join("out"), &mut found);
+    assert_eq!(found.len(), 1, "{found:?}");
+}
+
+#[test]
 fn a_wrong_configuration_is_told_and_the_one_before_stays() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path().join("in")).unwrap();

@@ -50,7 +50,7 @@ impl Watching {
         }
         // One that is younger than its result may be another one, of the same length.
         let younger = Stamp::of(&output).is_some_and(|output| stamp.modified_ns > output.modified_ns);
-        if !younger && original_length(&output) == Some(stamp.length) {
+        if !younger && original_length(&output) == Some(length(recording, stamp)) {
             return State::Annotated;
         }
         let quarantine = std::fs::read(self.quarantine(recording)).ok();
@@ -89,7 +89,7 @@ pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Res
     let stamp =
         Stamp::of(recording).ok_or_else(|| Error::io("read", recording)(std::io::ErrorKind::NotFound.into()))?;
     let same = || Input::as_it_is(recording)?.is_same(&Input::as_it_is(output)?, watch);
-    if original != stamp.length || !same()? {
+    if original != length(recording, &stamp) || !same()? {
         set_aside(output)?;
     }
     Ok(())
@@ -105,6 +105,11 @@ pub(super) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let aside = names.find(|path| !path.exists()).unwrap_or_default();
     std::fs::rename(result, &aside).map_err(Error::io("rename", result))?;
     Ok(aside)
+}
+
+/// Length of a recording, which may have been annotated before.
+pub(super) fn length(recording: &Path, stamp: &Stamp) -> u64 {
+    original_length(recording).unwrap_or(stamp.length)
 }
 
 /// Length of the recording that a result belongs to.
