@@ -83,9 +83,10 @@ pub(super) fn suggested<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Opti
     Some(suggestions.min_by_key(worth)?.config(None))
 }
 
-/// The topics there are, why they are not used, and how to map one.
+/// The topics there are, why they are not used, and how to map one, or which ones the configuration names in vain.
 pub(super) fn no_imu<'a>(
     path: &Path,
+    missing: &[String],
     channels: impl Iterator<Item = (&'a Channel, &'a Verdict, &'a str)> + Clone,
 ) -> Error {
     const LISTED: usize = 8;
@@ -105,11 +106,17 @@ pub(super) fn no_imu<'a>(
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
+    if !missing.is_empty() {
+        return Error::input(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
+    }
     let advice = match suggested(channels.map(|(_, verdict, _)| verdict)) {
-        Some(imu) => format!("add --set '{}', which looks right by its names", imu.setting()),
+        Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
         None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
     };
-    Error::input(path, format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics"))
+    Error::input(
+        path,
+        format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units"),
+    )
 }
 
 /// Recordings of more bytes are not read to the end if they say at the end what is in them (64 MiB).

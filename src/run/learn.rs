@@ -82,6 +82,8 @@ pub(super) struct Learned {
     pub(super) channels: Vec<(Channel, Verdict)>,
     /// What was refused or missed, one line each.
     pub(super) notes: Vec<String>,
+    /// What the configuration names and the recording lacks, of the notes.
+    pub(super) missing: Vec<String>,
     /// The first ones.
     pub(super) damage: Vec<Damage>,
     pub(super) damages: u64,
@@ -224,6 +226,11 @@ impl Learner {
         channels.map(|(channel, kind)| (channel, self.intake.verdict(channel.id), kind.as_str()))
     }
 
+    /// What the configuration names and the recording lacks so far, one line each.
+    pub(super) fn missing(&self) -> Vec<String> {
+        missing(&self.intake)
+    }
+
     /// The last split has ended, too.
     pub(super) fn close(&mut self, tell: Tell<'_>) {
         self.closed = true;
@@ -245,7 +252,8 @@ impl Learner {
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
-        let notes = faults.chain(missing(&self.intake)).chain(stuck).collect();
+        let missing = self.missing();
+        let notes = faults.chain(missing.iter().cloned()).chain(stuck).collect();
         let verdict = |channel: Channel| {
             let verdict = self.intake.verdict(channel.id).clone();
             (channel, verdict)
@@ -254,6 +262,7 @@ impl Learner {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
             channels: self.channels.into_iter().map(verdict).collect(),
             notes,
+            missing,
             damage: self.damage,
             damages: self.damages,
             annotator: self.annotator,

@@ -66,7 +66,7 @@ pub fn stories(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Stori
         learner.close(&mut |_| {});
         teller.learned(&mut learner);
         if !learner.has_imu() {
-            return Err(no_imu(input.path(), learner.channels()));
+            return Err(no_imu(input.path(), &learner.missing(), learner.channels()));
         }
         teller.notes.extend(learner.finish(&mut |_| {}).notes);
     }

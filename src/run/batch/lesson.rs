@@ -52,7 +52,7 @@ impl<'a> Lesson<'a> {
         listening.keep()?;
         let Listening { learner, mut contents, .. } = listening;
         if is_last && !self.options.allow_no_imu && !learner.has_imu() {
-            return Err(no_imu(input.path(), learner.channels()));
+            return Err(no_imu(input.path(), &learner.missing(), learner.channels()));
         }
 
         self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();

@@ -156,5 +156,5 @@ fn no_imu(trail: &Trail, splits: &[Split], learned: &Learned) -> Error {
     let kind =
         |id| splits.iter().find_map(|split| split.inventory.schemas().get(&id)).map_or("", |schema| &schema.name);
     let of_channels = learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
-    channels::no_imu(trail.path(), of_channels)
+    channels::no_imu(trail.path(), &learned.missing, of_channels)
 }
