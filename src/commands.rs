@@ -116,21 +116,24 @@ fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run:
     Ok(live)
 }
 
-/// Refuses an output that exists, before any work is done for it.
-fn check_free(output: Option<&Path>, force: bool) -> Result<(), Error> {
-    match output {
-        Some(path) if path.exists() && !force => Err(Error::Exists(path.to_owned())),
-        _ => Ok(()),
-    }
-}
-
-/// Writes a text where it was asked for: a new file, or standard output.
+/// Writes a text where it was asked for: a new file, or standard output. A file that says the same is left as it is.
 fn write(text: &str, output: Option<&Path>, force: bool) -> Result<(), Error> {
-    check_free(output, force)?;
     let Some(path) = output else { return print(text) };
     let partial = Partial::create(path)?;
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
-    partial.finish(false)
+    finish(partial, force)
+}
+
+/// Gives a result its name. One that exists may be the same already; any other is replaced with `force` alone.
+fn finish(partial: Partial, force: bool) -> Result<(), Error> {
+    let path = partial.target().to_owned();
+    if force || path.symlink_metadata().is_err() {
+        return partial.finish(false);
+    }
+    match partial.equals(&path).map_err(Error::io("read", &path))? {
+        true => Ok(()),
+        false => Err(Error::Exists(path)),
+    }
 }
 
 /// A file of text; anything else is said to be none.

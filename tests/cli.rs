@@ -46,6 +46,67 @@ fn an_output_that_exists_is_not_touched() {
 }
 
 #[test]
+fn what_says_the_same_already_is_left_as_it_is() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap").ok();
+    for line in [
+        "export demo.annotated.mcap --format yaml -o x",
+        "report demo.annotated.mcap -o x",
+        "config layout demo.annotated.mcap -o x",
+        "simulate demo -o x",
+    ] {
+        folder.say(&format!("{line} --force")).ok();
+        let inode = || std::os::unix::fs::MetadataExt::ino(&std::fs::metadata(folder.path().join("x")).unwrap());
+        let before = inode();
+        folder.say(line).ok();
+        assert_eq!(inode(), before, "{line}");
+        folder.write("x", b"precious");
+        folder.refuses(line, 1, &["x: exists", "--force"]);
+    }
+}
+
+#[test]
+fn a_link_that_leads_nowhere_is_not_replaced() {
+    let folder = Folder::with_demo();
+    std::os::unix::fs::symlink("nowhere.mcap", folder.path().join("out.mcap")).unwrap();
+    folder.refuses("annotate demo.mcap -o out.mcap", 1, &["out.mcap: exists"]);
+}
+
+#[test]
+fn names_that_are_not_unicode_are_worked_on() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = Folder::with_demo();
+    let name = OsStr::from_bytes(b"z\xff.mcap");
+    std::fs::copy(folder.path().join("demo.mcap"), folder.path().join(name)).unwrap();
+    for verb in ["annotate", "topics", "report"] {
+        let run = folder.run([OsStr::new(verb), name, OsStr::new("--json")]).ok();
+        assert!(run.json().is_object(), "{verb}");
+    }
+}
+
+#[test]
+fn a_topic_that_is_mapped_in_vain_is_named() {
+    let folder = Folder::with_demo();
+    // Without an IMU that is used by itself.
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut out).unwrap();
+    let channel = writer.add_channel(0, "/rig/blob", "json", &Default::default()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"{}").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    folder.write("blob.mcap", &out.into_inner());
+    let setting = r#"imu=[{topic="/rig/blog", accel="a", gyro="g"}]"#;
+    for verb in ["annotate", "report"] {
+        let run = folder.run([verb, "blob.mcap", "--set", setting]);
+        assert_eq!(run.code, 1);
+        assert!(run.stderr.contains("/rig/blog: configured"), "{}", run.stderr);
+        assert!(run.stderr.contains("did you mean /rig/blob?"), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn no_permission_is_said() {
     use std::os::unix::fs::PermissionsExt as _;
     let folder = Folder::with_demo();

@@ -197,6 +197,39 @@ fn folders_that_cannot_be_read_are_refused_with_the_true_reason() {
 }
 
 #[test]
+fn a_folder_that_holds_another_recording_is_not_replaced() {
+    let folder = with_bag();
+    folder.say("annotate bag").ok();
+    folder.write("bag.annotated/night.mcap", b"another");
+    folder.refuses("annotate bag --force --set still.min_fit_s=1.5", 1, &["holds night.mcap, which would be lost"]);
+    assert_eq!(folder.read("bag.annotated/night.mcap"), b"another");
+    std::fs::remove_file(folder.path().join("bag.annotated/night.mcap")).unwrap();
+    folder.say("annotate bag --force --set still.min_fit_s=1.5").ok();
+    assert_eq!(folder.names(), ["bag", "bag.annotated", "demo.mcap"]);
+}
+
+#[test]
+fn in_place_changes_all_files_of_a_folder_or_none() {
+    let folder = with_bag();
+    std::fs::hard_link(folder.path().join("bag/bag_1.mcap"), folder.path().join("second name")).unwrap();
+    let before = ["bag/bag_0.mcap", "bag/metadata.yaml"].map(|name| folder.read(name));
+    folder.refuses("annotate --in-place bag", 1, &["bag_1.mcap: has further names"]);
+    assert!(["bag/bag_0.mcap", "bag/metadata.yaml"].map(|name| folder.read(name)) == before);
+    assert!(!folder.path().join("bag/metadata.original.yaml").exists());
+}
+
+#[test]
+fn a_metadata_file_with_files_of_the_wrong_shape_is_used_as_far_as_it_goes() {
+    let folder = with_bag();
+    let text = String::from_utf8(folder.read("bag/metadata.yaml")).unwrap();
+    let text = text.split("  files:").next().unwrap().to_owned() + "  files: [bag_0.mcap, 7, null]\n";
+    folder.write("bag/metadata.yaml", text.as_bytes());
+    folder.say("annotate bag").ok();
+    folder.write("bag/metadata.yaml", b"rosbag2_bagfile_information: none\n");
+    folder.refuses("annotate bag -o other", 1, &["metadata.yaml is none"]);
+}
+
+#[test]
 fn damage_in_one_file_is_told_with_its_name() {
     let folder = with_bag();
     let file = folder.read("bag/bag_1.mcap");

@@ -32,7 +32,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
             }
             Err(error) => {
                 if json {
-                    print_json(&json!({"input": work.input(), "error": error.to_string()}))?;
+                    print_json(&json!({"input": name(work.input()), "error": error.to_string()}))?;
                 }
                 Code::of(&error)
             }
@@ -166,14 +166,19 @@ pub fn code(report: &Report, require_calibration: bool, accept_damage: bool) -> 
     }
 }
 
+/// A path in JSON, which knows Unicode alone.
+pub fn name(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
 pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
     let damage = report
         .damage
         .iter()
         .map(|damage| json!({"offset": damage.offset, "bytes": damage.length, "what": damage.what}));
     let mut result = json!({
-        "input": input,
-        "output": output,
+        "input": name(input),
+        "output": name(output),
         "imus": report::imus(&report.imus),
         "rests": report::rests(&report.imus),
         "messages": report.messages,

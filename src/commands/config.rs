@@ -8,7 +8,7 @@ use stillpoint::report::{self, LayoutImu};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, check_free, configuration, layer, print, print_json, write};
+use super::{Code, configuration, layer, print, print_json, write};
 use crate::cli;
 
 pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -29,7 +29,6 @@ pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {
 
 fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
     let config = configuration(&args.configuration)?;
-    check_free(args.output.as_deref(), args.force)?;
     let recording = Input::open(&args.input)?;
     let channels = {
         let progress = Progress::new(&recording, stop);

@@ -5,13 +5,12 @@ use stillpoint::report::{self, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, check_free, configuration, damaged, text_of, write};
+use super::{Code, configuration, damaged, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let options = options(args)?;
-    check_free(args.output.as_deref(), args.force)?;
     let recording = Input::open(&args.input)?;
     let found = {
         let progress = Progress::new(&recording, stop);

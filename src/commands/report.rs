@@ -8,14 +8,13 @@ use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::table::Table;
-use super::{Code, check_free, configuration, damaged, import, print, print_json, summary, write};
+use super::{Code, configuration, damaged, import, print, print_json, summary, write};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
     let earlier = earlier.as_deref();
-    check_free(args.output.as_deref(), args.force)?;
     let recording = Input::open(&args.input)?;
     let stories = {
         let progress = Progress::new(&recording, stop);

@@ -10,7 +10,8 @@ use stillpoint::simulate::{self, BUILTIN, Scenario};
 use stillpoint::{Error, Stamp};
 use tracing::info;
 
-use super::{Code, print, print_json};
+use super::annotate::name;
+use super::{Code, finish, print, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
@@ -22,10 +23,6 @@ pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
     }
     let invalid = |error: simulate::Error| Error::Usage(format!("{}: {error}", args.scenario));
     let scenario = Scenario::from_table(table).map_err(invalid)?;
-    if output.exists() && !args.force {
-        return Err(Error::Exists(output.clone()));
-    }
-
     let partial = Partial::create(output)?;
     let mut file = BufWriter::new(partial.file());
     let truth = simulate::record(&scenario, &mut file).map_err(|error| match error {
@@ -34,14 +31,14 @@ pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
     })?;
     file.flush().map_err(Error::io("write", output))?;
     drop(file);
-    partial.finish(false)?;
+    finish(partial, args.force)?;
 
     let seconds = |rests: &[simulate::Rest]| {
         let end = rests.last().map(|rest| rest.end).unwrap_or_default();
         rests.first().map_or(0.0, |rest: &simulate::Rest| Stamp::seconds_since(end, rest.start))
     };
     match json {
-        true => print_json(&json!({"output": output, "truth": truth}))?,
+        true => print_json(&json!({"output": name(output), "truth": truth}))?,
         false => info!(
             "wrote {}: {} rests in {:.0} s; --json prints the truth",
             output.display(),

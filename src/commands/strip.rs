@@ -5,6 +5,7 @@ use stillpoint::Error;
 use stillpoint::run::{self, Input, Stop};
 use tracing::info;
 
+use super::annotate::name;
 use super::progress::Progress;
 use super::{Code, print_json};
 use crate::cli;
@@ -16,7 +17,9 @@ pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {
         run::strip(&recording, &args.output, args.force, args.sync, &|done| progress.watch(done))?
     };
     match (json, written) {
-        (true, _) => print_json(&json!({"input": args.input, "output": args.output, "bytes": recording.length()}))?,
+        (true, _) => {
+            print_json(&json!({"input": name(&args.input), "output": name(&args.output), "bytes": recording.length()}))?
+        }
         (false, run::Written::Now) => info!("wrote {}", args.output.display()),
         (false, run::Written::Before) => info!("{} is already the original: nothing to do", args.output.display()),
     }

@@ -4,11 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
+use super::Inventory;
 use super::horizon::Frame;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};
-use super::Inventory;
 
 /// How much is read at a time, in bytes: what stands between two chunks is mostly short.
 const BLOCK: u64 = 4 << 10;

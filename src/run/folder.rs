@@ -5,6 +5,9 @@ use std::fs::{File, TryLockError};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+
 use super::output::{Output, Written};
 use super::partial::{Partial, sync_folder};
 use crate::Error;
@@ -64,20 +67,40 @@ impl Folder {
         if sync {
             File::open(place).and_then(|folder| folder.sync_all()).map_err(refused)?;
         }
-        let replaced = with_suffix(&self.path, ".replaced");
-        let replaces = self.path.exists();
-        if replaces {
-            std::fs::rename(&self.path, &replaced).map_err(refused)?;
+        if self.path.exists() {
+            self.replace(place)?;
+        } else {
+            std::fs::rename(place, &self.path).map_err(refused)?;
+            self.finished = true;
         }
-        std::fs::rename(place, &self.path).map_err(refused)?;
         if sync {
             sync_folder(&self.path).map_err(refused)?;
         }
-        if replaces {
-            std::fs::remove_dir_all(&replaced).map_err(Error::io("remove", &replaced))?;
-        }
-        self.finished = true;
         Ok(Written::Now)
+    }
+
+    /// Takes the place of the folder that is there, which must hold nothing else. What was there is removed when this is
+    /// dropped, and by the next run if this one is killed.
+    fn replace(&self, place: &Path) -> Result<(), Error> {
+        let refused = |e| Error::io("write", &self.path)(e);
+        for entry in std::fs::read_dir(&self.path).map_err(refused)? {
+            let name = entry.map_err(refused)?.file_name();
+            if !place.join(&name).exists() && !Path::new(&name).extension().is_some_and(|ending| ending == "partial") {
+                let name = name.to_string_lossy();
+                let why = format!("holds {name}, which would be lost: move it, or choose another name");
+                return Err(Error::input(&self.path, why));
+            }
+        }
+        match renameat_with(CWD, place, CWD, &self.path, RenameFlags::EXCHANGE) {
+            // Not every file system knows how.
+            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
+                let aside = with_suffix(&self.path, ".replaced");
+                std::fs::rename(&self.path, &aside).map_err(Error::io("write", &aside))?;
+                std::fs::rename(place, &self.path).map_err(refused)?;
+                std::fs::rename(&aside, place).map_err(refused)
+            }
+            done => Ok(done.map_err(|e| refused(e.into()))?),
+        }
     }
 }
 

@@ -90,6 +90,19 @@ pub(super) fn open(path: &Path, access: Access) -> Result<File, Error> {
     }
 }
 
+/// Refuses a file that would change under other names, too.
+///
+/// # Errors
+///
+/// If it has such names, or the system refuses to say so.
+pub(super) fn check(file: &File, path: &Path) -> Result<(), Error> {
+    let why = "has further names (hard links), under which it would change as well; use -o instead of --in-place";
+    match file.metadata().map_err(Error::io("change", path))?.nlink() {
+        ..=1 => Ok(()),
+        _ => Err(Error::input(path, why)),
+    }
+}
+
 /// Replaces what follows byte `from` of a file that was opened for [`Access::Change`].
 ///
 /// # Errors
@@ -97,11 +110,8 @@ pub(super) fn open(path: &Path, access: Access) -> Result<File, Error> {
 /// If the system refuses; the file is as it was then, or will be when it is opened next.
 pub(super) fn replace_end(file: &File, path: &Path, from: u64, staged: &File) -> Result<(), Error> {
     let refused = |e| Error::io("change", path)(e);
+    check(file, path)?;
     let metadata = file.metadata().map_err(refused)?;
-    if metadata.nlink() > 1 {
-        let why = "has further names (hard links), under which it would change as well; use -o instead of --in-place";
-        return Err(Error::input(path, why));
-    }
     let Some(beside) = backup_of(path) else { return Err(refused(io::ErrorKind::NotFound.into())) };
     let backup = Backup::write(&beside, file, from..metadata.len())?;
     let changed = write_end(file, from, staged).and_then(|()| std::fs::remove_file(&beside));

@@ -61,13 +61,17 @@ impl Output {
                 let existing = in_place::open(path, Access::Read)?;
                 if force { Medium::New(Partial::create(path)?) } else { Medium::Existing(existing, 0) }
             }
-            Err(_) => Medium::New(Partial::create(path)?),
+            // A link that leads nowhere.
+            Err(_) if !force && path.symlink_metadata().is_ok() => return Err(Error::Exists(path.to_owned())),
+            Err(_) if force => Medium::New(Partial::create(path)?),
+            Err(_) => Medium::New(Partial::create_new(path)?),
         };
         Ok(Self { path: path.to_owned(), medium })
     }
 
     /// The file that the recording stands in, which must have been opened for [`Access::Change`].
     pub(super) fn itself(recording: &Recording) -> Result<Self, Error> {
+        in_place::check(recording.file(), recording.path())?;
         let path = recording.path().to_owned();
         let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned)).unwrap_or_default();
         let staged = tempfile::tempfile_in(folder).map_err(Error::io("write beside", &path))?;
@@ -85,6 +89,11 @@ impl Output {
             from = until;
         }
         Ok(())
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Takes the first piece, the beginning of the recording, which was [copied ahead](Self::copy_ahead).
@@ -141,9 +150,7 @@ impl Output {
                 if is_end(recording.file(), from, &staged).map_err(Error::io("read", &self.path))? {
                     return Ok(Written::Before);
                 }
-                if !recording.is_unchanged() {
-                    return Err(Error::input(&self.path, "changed while it was read: is it still being recorded?"));
-                }
+                recording.check_unchanged()?;
                 in_place::replace_end(recording.file(), &self.path, from, &staged).map(|()| Written::Now)
             }
             Medium::Existing(file, equal) if file.metadata().is_ok_and(|m| m.len() == equal) => Ok(Written::Before),

@@ -4,8 +4,11 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
-use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
 
 use crate::Error;
 
@@ -15,10 +18,23 @@ pub struct Partial {
     file: File,
     path: PathBuf,
     target: PathBuf,
+    /// Whether what stands under the name in the end is replaced.
+    replaces: bool,
     finished: bool,
 }
 
 impl Partial {
+    /// The same, for a name that nothing has: what gets it meanwhile is not replaced.
+    ///
+    /// # Errors
+    ///
+    /// As [`Partial::create`].
+    pub fn create_new(target: &Path) -> Result<Self, Error> {
+        let mut partial = Self::create(target)?;
+        partial.replaces = false;
+        Ok(partial)
+    }
+
     /// Opens `TARGET.partial`, empty. One that a killed run left is taken over.
     ///
     /// # Errors
@@ -43,7 +59,7 @@ impl Partial {
                 if file.metadata().map_err(refused)?.len() > 0 {
                     file.set_len(0).map_err(refused)?;
                 }
-                return Ok(Self { file, path, target: target.to_owned(), finished: false });
+                return Ok(Self { file, path, target: target.to_owned(), replaces: true, finished: false });
             }
         }
     }
@@ -58,13 +74,41 @@ impl Partial {
         &self.target
     }
 
+    /// Whether another file holds the same.
+    ///
+    /// # Errors
+    ///
+    /// If the system refuses.
+    pub fn equals(&self, other: &Path) -> io::Result<bool> {
+        let other = File::open(other)?;
+        let length = self.file.metadata()?.len();
+        if other.metadata()?.len() != length {
+            return Ok(false);
+        }
+        let (mut ours, mut theirs) = (vec![0; 1 << 16], vec![0; 1 << 16]);
+        for at in (0..length).step_by(1 << 16) {
+            let room = (length - at).min(1 << 16) as usize;
+            ours.truncate(room);
+            theirs.truncate(room);
+            self.file.read_exact_at(&mut ours, at)?;
+            other.read_exact_at(&mut theirs, at)?;
+            if ours != theirs {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// Gives the whole file its name, on the device if asked to.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if the system refuses; nothing is left behind then.
+    /// [`Error::Io`] if the system refuses, [`Error::Exists`] if the name has been taken; nothing is left behind then.
     pub fn finish(mut self, sync: bool) -> Result<(), Error> {
-        let done = self.publish(sync).map_err(Error::io("write", &self.target));
+        let done = self.publish(sync).map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => Error::Exists(self.target.clone()),
+            _ => Error::io("write", &self.target)(error),
+        });
         self.finished = done.is_ok();
         done
     }
@@ -73,8 +117,23 @@ impl Partial {
         if sync {
             self.file.sync_all()?;
         }
-        std::fs::rename(&self.path, &self.target)?;
+        match self.replaces {
+            true => std::fs::rename(&self.path, &self.target)?,
+            false => rename_new(&self.path, &self.target)?,
+        }
         if sync { sync_folder(&self.target) } else { Ok(()) }
+    }
+}
+
+/// Gives a file a name that nothing has.
+fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // Not every file system knows how.
+        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) if to.symlink_metadata().is_err() => {
+            std::fs::rename(from, to)
+        }
+        Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => Err(io::ErrorKind::AlreadyExists.into()),
+        done => Ok(done?),
     }
 }
 

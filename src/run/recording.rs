@@ -164,6 +164,14 @@ impl Recording {
         state(&self.file).is_ok_and(|state| state == self.state)
     }
 
+    /// Refuses it if it is not.
+    pub(super) fn check_unchanged(&self) -> Result<(), Error> {
+        match self.is_unchanged() {
+            true => Ok(()),
+            false => Err(Error::input(&self.path, "changed while it was read: is it still being recorded?")),
+        }
+    }
+
     /// Who wrote it, as far as its end tells.
     pub(super) fn kind(&self) -> Result<Kind, Error> {
         self.recognise(|bytes| recognise(bytes, self.length()))

@@ -79,6 +79,10 @@ impl<'a> Target<'a> {
         match place {
             Place::Files { whole, .. } => {
                 let described = described.filter(|_| in_place);
+                if in_place {
+                    // All of them, or none.
+                    input.splits.iter().try_for_each(Recording::check_unchanged)?;
+                }
                 // Once the splits are annotated, nothing else tells what stood there.
                 if let Some((bag, original, _)) = &described {
                     folder::write(&bag.folder().join(ORIGINAL), original, sync)?;

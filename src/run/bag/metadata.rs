@@ -38,6 +38,9 @@ impl Metadata {
         let document = serde_saphyr::from_str::<Value>(&text);
         let mut document = document.map_err(|e| unknown(e.to_string().lines().next().unwrap_or_default()))?;
         let info = document.get_mut(ROOT).ok_or_else(|| unknown(&format!("it has no `{ROOT}`")))?.take();
+        if !info.is_object() {
+            return Err(unknown(&format!("its `{ROOT}` is empty")));
+        }
         let said = |key: &str| info.get(key).and_then(Value::as_str).unwrap_or_default();
         let storage = said("storage_identifier");
         if storage != "mcap" {
@@ -76,6 +79,9 @@ impl Metadata {
         all.describe(&mut info);
         let files = info.get_mut("files").and_then(Value::as_array_mut);
         for (file, (name, contents)) in files.into_iter().flatten().zip(self.files.iter().zip(splits)) {
+            if !file.is_object() {
+                *file = json!({});
+            }
             file["path"] = json!(name);
             contents.describe(file);
         }
@@ -84,6 +90,7 @@ impl Metadata {
             Value::Array(topics) => topics,
             _ => Vec::new(),
         };
+        topics.retain(Value::is_object);
         let name = |topic: &Value| topic["topic_metadata"]["name"].as_str().unwrap_or_default().to_owned();
         for topic in &mut topics {
             topic["message_count"] = json!(count(&name(topic)));

@@ -78,7 +78,7 @@ pub(super) fn write_sidecar(
     output.put(&Piece::Bytes(head), recording)?;
     kept.blocks.rewind()?;
     // Those of the recording are of no use here.
-    let mut indexes = Spill::beside(recording.path());
+    let mut indexes = Spill::beside(output.path());
     while let Some(block) = next_block(&mut kept.blocks)? {
         let bytes = sidecar.block(topics, &block).map_err(refused)?;
         output.put(&Piece::Bytes(bytes), recording)?;
