@@ -72,8 +72,8 @@ pub struct Configuration {
 
 #[derive(Debug, Args)]
 pub struct Against {
-    /// An earlier calibration in any format of export: say how far the sensor has moved since, and correct what --live
-    /// shows by it until there is a new one
+    /// An earlier calibration in any format of export: say how far the sensor has moved since. What tail and watch show
+    /// live is corrected by it until there is a new one
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
     /// Which way the axes of the recording point, if --against is an autopilot's
@@ -89,7 +89,7 @@ pub struct Annotate {
     /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
     pub output: Option<PathBuf>,
-    /// Folder to write into, under the default names
+    /// Folder to write into, under the default names; it is made if it is not there
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
     /// Write the annotations into the recording itself; a run that is killed meanwhile is undone by the next
@@ -344,7 +344,7 @@ pub struct Strip {
 
 #[derive(Debug, Args)]
 pub struct Simulate {
-    /// A built-in scenario, or a scenario file (TOML)
+    /// A built-in scenario (demo, rate-table, thesis-sequence-1 or thesis-sequence-3), or a scenario file (TOML)
     #[arg(default_value = "demo")]
     pub scenario: String,
     /// Where to write the recording
@@ -353,7 +353,7 @@ pub struct Simulate {
     /// Print the scenario instead, to be edited
     #[arg(long, conflicts_with = "output")]
     pub show: bool,
-    /// One setting over the scenario, for example seed=7; may be repeated
+    /// One setting over the scenario, for example recording.seed=7; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Replace an output that exists

@@ -285,10 +285,13 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
             let pairs = numbers(&read["accelerometer"][key]).into_iter().zip(numbers(&accel[key]));
             pairs.for_each(|(read, said)| assert!((read - said).abs() < 1e-6, "{format} {key}: {read} is not {said}"));
         }
-        folder.refuses(&format!("export a.mcap --format {format} {options} -o file.{format}"), 1, &["exists"]);
+        folder.write("other", b"precious");
+        folder.refuses(&format!("export a.mcap --format {format} {options} -o other"), 1, &["other: exists"]);
     }
     folder.refuses("export a.mcap --format px4 --axes flu", 1, &["a.mcap", "--raw", "--in-force"]);
     folder.refuses("import demo.mcap", 1, &["demo.mcap"]);
+    folder.refuses("export a.mcap --format kalibr --random-walk 1,1", 1, &["--random-walk", "kalibr-input"]);
+    folder.refuses("export a.mcap --format json --imu /nope", 1, &["no IMU /nope; there are: "]);
     let input = folder.say("export a.mcap --format kalibr-input --random-walk 2e-4,4e-6").ok().stdout;
     let input = yaml(&input);
     let truth = folder.say("simulate demo -o again.mcap --json").ok().json();

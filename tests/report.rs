@@ -41,7 +41,8 @@ fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
     let page = |input: &str| {
         let output = format!("{input}.html");
         folder.say(&format!("report {input} -o {output}")).ok();
-        folder.refuses(&format!("report {input} -o {output}"), 1, &["exists"]);
+        folder.write("other", b"precious");
+        folder.refuses(&format!("report {input} -o other"), 1, &["other: exists"]);
         let html = String::from_utf8(folder.read(&output)).unwrap();
         check(&html);
         html

@@ -72,6 +72,11 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
         return match args.inputs.as_slice() {
             [_] => Ok(vec![output.clone()]),
             _ if args.join && args.sidecar => Ok(vec![output.clone()]),
+            _ if args.join => {
+                let why =
+                    "each of the joined files has a result of its own: use --out-dir, or --sidecar for one output";
+                Err(Error::Usage(why.to_owned()))
+            }
             _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
         };
     }
@@ -86,6 +91,11 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
         outputs.push(output);
     }
     Ok(outputs)
+}
+
+/// Whether two paths lead to one file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
@@ -121,6 +131,9 @@ impl Work<'_> {
                 input
             }
         };
+        if let Some(folder) = &args.out_dir {
+            std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
+        }
         let progress = Progress::new(&input, stop);
         let form = match (args.in_place, args.sidecar) {
             (true, _) => Form::InPlace,
@@ -129,7 +142,12 @@ impl Work<'_> {
         };
         let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
         let options = Options { form, force, allow_no_imu, verify, sync };
-        run::annotate(&input, &outputs, config, options, &|done| progress.watch(done))
+        run::annotate(&input, &outputs, config, options, &|done| progress.watch(done)).map_err(|error| match error {
+            Error::Exists(path) if is_same(&path, self.input()) => {
+                Error::input(&path, "exists: it is the recording itself; use --in-place, or choose another name")
+            }
+            error => error,
+        })
     }
 
     fn input(&self) -> &Path {

@@ -18,12 +18,12 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     };
     let exported = report::export(&found.imus, args.format, &options)
         .map_err(|error| Error::input(&args.input, error.to_string()))?;
+    write(&exported.text, args.output.as_deref(), args.force)?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     found.damage.iter().for_each(|damage| tracing::warn!("damaged {damage}"));
     if found.damages > 1 {
         tracing::warn!("{} damages in all", found.damages);
     }
-    write(&exported.text, args.output.as_deref(), args.force)?;
     Ok(damaged(found.damages, args.accept_damage))
 }
 

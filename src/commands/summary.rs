@@ -9,6 +9,9 @@ use stillpoint::still;
 
 use super::table::Table;
 
+/// Half the width of a 95 % interval, in standard deviations.
+const HALF: f64 = 1.96;
+
 /// Rejected rests that are listed; there may be thousands.
 const LISTED: usize = 12;
 
@@ -105,7 +108,7 @@ fn calibration(findings: &Findings) -> Vec<String> {
         }
         triad.notes.iter().flat_map(|note| sentence("  ", note)).for_each(|line| table.heading(line));
     }
-    let mut lines = vec![style("  measured = bias + scale · true").for_stderr().dim().to_string()];
+    let mut lines = vec![style("  measured = bias + scale · true, with 95 % intervals").for_stderr().dim().to_string()];
     lines.extend(table.lines("  "));
     lines
 }
@@ -128,7 +131,7 @@ fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
         table.heading(format!("{}  {verdict}", drift.sensor));
         let mut row = |name: String, changes: &Option<[Change; 3]>| {
             if let Some(changes) = changes {
-                let cells = changes.map(|change| format!("{:+.5} ± {:.5}", change.by, change.std));
+                let cells = changes.map(|change| format!("{:+.5} ± {:.5}", change.by, HALF * change.std));
                 table.row([name].into_iter().chain(cells));
             }
         };
@@ -138,7 +141,8 @@ fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
             table.heading(format!("  a reading corrected with the earlier one is off by up to {worst:.3} m/s²"));
         }
     }
-    let mut lines = vec![style("  drift: now less the earlier calibration").for_stderr().dim().to_string()];
+    let mut lines =
+        vec![style("  drift: now less the earlier calibration, with 95 % intervals").for_stderr().dim().to_string()];
     lines.extend(table.lines("  "));
     lines
 }
@@ -161,7 +165,9 @@ fn verdict(triad: &Triad) -> String {
 }
 
 fn row(name: &str, value: &Vector3, std: &Vector3) -> [String; 4] {
-    [name.to_owned(), estimate(value.x, std.x), estimate(value.y, std.y), estimate(value.z, std.z)]
+    let values = [(value.x, std.x), (value.y, std.y), (value.z, std.z)].map(|(value, std)| estimate(value, HALF * std));
+    let [x, y, z] = values;
+    [name.to_owned(), x, y, z]
 }
 
 fn rejected(findings: &Findings) -> Vec<String> {

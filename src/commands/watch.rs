@@ -65,7 +65,9 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 tailed.output.display()
             );
         }
-        Verdict::Quarantined(reason) => warn!("left alone: {reason}"),
+        Verdict::Quarantined(reason) => {
+            warn!("left alone until it or the configuration changes: {reason}");
+        }
         Verdict::Again(error, wait) => warn!("{error}; again in {} s", wait.as_secs()),
     }
     if json {

@@ -135,6 +135,13 @@ const LEANER: &str =
 ///
 /// If the format cannot hold it, or something has to be said before it would be right.
 pub fn export(findings: &[Findings], format: Format, options: &Options) -> Result<Exported, ExportError> {
+    if options.random_walk.is_some() && format != Format::KalibrInput {
+        return Err(ExportError::Refused("--random-walk is of use to --format kalibr-input alone".to_owned()));
+    }
+    let findings = match options.imu {
+        Some(_) => std::slice::from_ref(one(findings, options)?),
+        None => findings,
+    };
     match format {
         Format::Json => Ok(plain(format!("{:#}\n", json!({"imus": imus(findings)})))),
         Format::Yaml => Ok(plain(yaml::document(&json!({"imus": imus(findings)})))),

@@ -20,7 +20,7 @@ pub(super) fn model_named(name: &str) -> Option<Model> {
     all.into_iter().find(|&candidate| model(candidate) == Some(name))
 }
 
-/// `value ± std` with as many decimals as the deviation gives meaning: two of its digits.
+/// `value ± deviation` with as many decimals as the deviation, or an interval's half, gives meaning: two of its digits.
 pub fn estimate(value: f64, std: f64) -> String {
     let decimals = match std {
         std if std.is_finite() && std > 0.0 => (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize,

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
+use super::bag;
 use super::output::{Output, Written};
 use super::partial::{Partial, sync_folder};
 use crate::Error;
@@ -79,14 +80,16 @@ impl Folder {
         Ok(Written::Now)
     }
 
-    /// Takes the place of the folder that is there, which must hold nothing else. What was there is removed when this is
+    /// Takes the place of the folder that is there, which must hold one recording and nothing else. What was there is removed when this is
     /// dropped, and by the next run if this one is killed.
     fn replace(&self, place: &Path) -> Result<(), Error> {
         let refused = |e| Error::io("write", &self.path)(e);
+        let listed = bag::listed(&self.path).unwrap_or_default();
         for entry in std::fs::read_dir(&self.path).map_err(refused)? {
             let name = entry.map_err(refused)?.file_name();
-            if !place.join(&name).exists() && !Path::new(&name).extension().is_some_and(|ending| ending == "partial") {
-                let name = name.to_string_lossy();
+            let name = name.to_string_lossy();
+            let belongs = place.join(&*name).exists() || listed.iter().any(|known| *known == name);
+            if !belongs && !name.ends_with(".partial") {
                 let why = format!("holds {name}, which would be lost: move it, or choose another name");
                 return Err(Error::input(&self.path, why));
             }

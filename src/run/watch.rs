@@ -93,11 +93,13 @@ pub fn watch(
     tell: &dyn Fn(&Path, Verdict<'_>),
 ) -> Result<(), Error> {
     recordings(&watching.folder)?;
-    let mut watcher = Watcher { watching, entries: BTreeMap::new(), metrics, tell };
+    let fingerprint = || crc32fast::hash(config().canonical().as_bytes());
+    let configuration = fingerprint();
+    let mut watcher = Watcher { watching, configuration, entries: BTreeMap::new(), metrics, tell };
     let (sender, receiver) = channel();
     std::thread::scope(|scope| {
         while stop.check().is_ok() {
-            watcher.look();
+            watcher.look(fingerprint());
             while let Some((path, finished)) = watcher.next() {
                 let sender: Sender<Finished> = sender.clone();
                 scope.spawn(move || {
@@ -150,14 +152,19 @@ fn one(
 
 struct Watcher<'a> {
     watching: &'a Watching,
+    /// Of the configuration that is in force.
+    configuration: u32,
     entries: BTreeMap<PathBuf, Entry>,
     metrics: &'a Metrics,
     tell: &'a dyn Fn(&Path, Verdict<'_>),
 }
 
 impl Watcher<'_> {
-    /// Looks through the directory.
-    fn look(&mut self) {
+    /// Looks through the directory. What another configuration refused may be welcome.
+    fn look(&mut self, configuration: u32) {
+        if std::mem::replace(&mut self.configuration, configuration) != configuration {
+            self.entries.retain(|_, entry| entry.state != State::Quarantined);
+        }
         let Ok(found) = recordings(&self.watching.folder) else {
             self.metrics.error();
             return;
@@ -167,7 +174,7 @@ impl Watcher<'_> {
             match self.entries.get_mut(&path) {
                 Some(entry) if entry.stamp == stamp || matches!(entry.state, State::Running(_) | State::Again(_)) => {}
                 _ => {
-                    let state = self.watching.state(&path, &stamp);
+                    let state = self.watching.state(&path, &stamp, self.configuration);
                     self.entries.insert(path, Entry { stamp, state, attempts: 0 });
                 }
             }
@@ -225,7 +232,9 @@ impl Watcher<'_> {
                     Ending::Replaced | Ending::Truncated => State::Waiting,
                     // It has just been compared, whatever its times say.
                     _ if tailed.written == Written::Before && is_its(tailed.length) => State::Annotated,
-                    Ending::Finished | Ending::Idle | Ending::Deleted => self.watching.state(&path, &now),
+                    Ending::Finished | Ending::Idle | Ending::Deleted => {
+                        self.watching.state(&path, &now, self.configuration)
+                    }
                 };
                 entry.attempts = 0;
                 entry.stamp = now;
@@ -242,7 +251,7 @@ impl Watcher<'_> {
                     self.metrics.forget(&path);
                     entry.state = State::Quarantined;
                     entry.stamp = now.clone();
-                    let quarantine = Quarantine { recording: path.clone(), stamp: now, reason };
+                    let quarantine = Quarantine::new(&path, now, reason, self.configuration);
                     if self.watching.write(&quarantine).is_err() {
                         // It will be found out again after a restart.
                         self.metrics.error();

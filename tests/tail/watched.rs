@@ -372,6 +372,33 @@ fn a_wrong_configuration_is_told_and_the_one_before_stays() {
 }
 
 #[test]
+fn what_one_configuration_refuses_is_tried_again_with_another() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.say("simulate demo --set recording.encoding=json -o in/rec.mcap").ok();
+    folder.write("conf.toml", b"");
+    let line = "watch in --out-dir out --interval 50ms -c conf.toml";
+    let running = Running::start_logged(&folder, line, "log");
+    wait_for_results(&folder, &["rec.quarantine.json"]);
+    folder.write("conf.toml", b"[[imu]]\ntopic = '/imu/data_raw'\naccel = 'accel'\ngyro = 'gyro'\n");
+    Command::new("kill").args(["-HUP", &running.id().to_string()]).status().unwrap();
+    wait_for_results(&folder, &["rec.annotated.mcap"]);
+    wait_for("the end", || !folder.path().join("out/rec.quarantine.json").exists());
+    running.kill();
+
+    // Likewise after a restart.
+    std::fs::rename(folder.path().join("out"), folder.path().join("before")).unwrap();
+    folder.write("conf.toml", b"");
+    let running = Running::start_logged(&folder, line, "log");
+    wait_for_results(&folder, &["rec.quarantine.json"]);
+    running.kill();
+    folder.write("conf.toml", b"[[imu]]\ntopic = '/imu/data_raw'\naccel = 'accel'\n");
+    let running = Running::start_logged(&folder, line, "log");
+    wait_for_results(&folder, &["rec.annotated.mcap"]);
+    running.kill();
+}
+
+#[test]
 fn a_recording_that_somebody_else_follows_is_waited_for() {
     let folder = Folder::new();
     ["in", "out"].iter().for_each(|name| std::fs::create_dir(folder.path().join(name)).unwrap());

@@ -22,6 +22,18 @@ pub(super) struct Quarantine {
     #[serde(flatten)]
     pub(super) stamp: Stamp,
     pub(super) reason: String,
+    /// When it will be tried again, for people.
+    pub(super) next: String,
+    /// Of the configuration by which it was refused.
+    #[serde(default)]
+    pub(super) configuration: u32,
+}
+
+impl Quarantine {
+    pub(super) fn new(recording: &Path, stamp: Stamp, reason: String, configuration: u32) -> Self {
+        let next = "it is tried again when it or the configuration changes, or this file is removed".to_owned();
+        Self { recording: recording.to_owned(), stamp, reason, next, configuration }
+    }
 }
 
 impl Watching {
@@ -43,7 +55,7 @@ impl Watching {
     }
 
     /// What the outputs say of a recording.
-    pub(super) fn state(&self, recording: &Path, stamp: &Stamp) -> State {
+    pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> State {
         let output = self.output(recording);
         if sidecar_of(&output).with_extension("checkpoint").exists() {
             return State::Waiting;
@@ -55,7 +67,8 @@ impl Watching {
         }
         let quarantine = std::fs::read(self.quarantine(recording)).ok();
         let quarantine = quarantine.and_then(|bytes| serde_json::from_slice::<Quarantine>(&bytes).ok());
-        match quarantine.is_some_and(|quarantine| quarantine.stamp == *stamp) {
+        let holds = |quarantine: &Quarantine| quarantine.stamp == *stamp && quarantine.configuration == configuration;
+        match quarantine.as_ref().is_some_and(holds) {
             true => State::Quarantined,
             false => State::Waiting,
         }
