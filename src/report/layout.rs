@@ -1,7 +1,9 @@
 //! A layout for Foxglove and Lichtblick, for the topics of a recording: what the sensor reads, whether it rests, the faces,
-//! the calibration with its intervals, gravity in the sensor's frame, and the log. Opening it is left to the viewer.
+//! the calibration with its intervals, gravity in the sensor's frame, how it all stands, and the log. Opening it is left to
+//! the viewer.
 //!
-//! Two scripts in the layout derive what no panel can: the ends of intervals, and a scene of directions.
+//! Scripts in the layout derive what no panel can: the ends of intervals, a scene of directions, and diagnostics, which a
+//! recording does not hold.
 
 use serde_json::{Map, Value, json};
 
@@ -45,11 +47,14 @@ pub fn layout(imus: &[LayoutImu]) -> Value {
 
 /// The panels of one IMU, and how they stand beside each other.
 fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut Map<String, Value>) -> Value {
-    let T { stillness, segment, coverage, .. } = &T::of(&imu.name);
-    let (bands, gravity) = (format!("/studio_script/bands{i}"), format!("/studio_script/gravity{i}"));
+    let [stillness, segment] =
+        ["stillness", "segment"].map(|last| quoted(&format!("{}/stillpoint/{last}", imu.name)));
+    let [bands, gravity, diagnostics] =
+        ["bands", "gravity", "diagnostics"].map(|name| format!("/studio_script/{name}{i}"));
     for (name, title, code) in [
         ("bands", "Intervals", include_str!("layout/bands.ts")),
         ("gravity", "Gravity", include_str!("layout/gravity.ts")),
+        ("diagnostics", "Diagnostics", include_str!("layout/diagnostics.ts")),
     ] {
         let source = code.replace("IMU", &plain(&imu.name)).replace("PLACE", &i.to_string());
         let source = source.replace("FRAME", &plain(frame(imu)));
@@ -64,7 +69,7 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
     };
     let raw = (0..3).map(|a| line(&imu.acceleration[a], AXES[a], COLOURS[a]));
     let corrected = (0..3).map(|a| line(&imu.corrected[a], &format!("{} corrected", AXES[a]), COLOURS[a]));
-    let acceleration = put("Plot", "acceleration", plot("Acceleration, m/s²", raw.chain(corrected)));
+    let acceleration = put("Plot", "acceleration", plot("Acceleration, m/s²", 120, raw.chain(corrected)));
     let rest = put(
         "StateTransitions",
         "rest",
@@ -73,48 +78,51 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
             "isSynced": true,
             "paths": [
                 {"value": format!("{stillness}.state"), "label": "state", "timestampMethod": "receiveTime"},
-                {"value": format!("{segment}.face"), "label": "face", "timestampMethod": "receiveTime"},
-                {"value": format!("{segment}.accepted"), "label": "accepted", "timestampMethod": "receiveTime"},
+                {"value": format!("{segment}.face"), "label": "last rest on", "timestampMethod": "receiveTime"},
+                {"value": format!("{segment}.reason"), "label": "and it was", "timestampMethod": "receiveTime"},
             ],
         }),
     );
-    let statistic = put(
-        "Plot",
-        "statistic",
-        plot(
-            "Deviation over the noise floor",
-            [
-                line(&format!("{stillness}.statistic"), "statistic", "#666666"),
-                line(&format!("{stillness}.enter"), "still below", COLOURS[2]),
-                line(&format!("{stillness}.leave"), "moving above", COLOURS[1]),
-            ],
-        ),
+    let mut deviation = plot(
+        "Deviation over the noise floor",
+        120,
+        [
+            line(&format!("{stillness}.statistic"), "statistic", "#666666"),
+            line(&format!("{stillness}.enter"), "still below", COLOURS[2]),
+            line(&format!("{stillness}.leave"), "moving above", COLOURS[1]),
+        ],
     );
-    let faces = put("Table", "faces", json!({"foxglovePanelTitle": "Faces", "topicPath": format!("{coverage}.faces")}));
-    let next = put(
-        "RawMessages",
-        "next",
+    // In motion it is hundreds of times the floor, beside which the thresholds could not be told from nothing.
+    (deviation["minYValue"], deviation["maxYValue"]) = (0.into(), 12.into());
+    let statistic = put("Plot", "statistic", deviation);
+    let summary = put(
+        "DiagnosticSummary",
+        "summary",
         json!({
-            "foxglovePanelTitle": "Next step",
-            "topicPath": format!("{coverage}.next_step"),
-            "diffEnabled": false,
-            "diffMethod": "custom",
-            "diffTopicPath": "",
-            "showFullMessageForDiff": false,
+            "foxglovePanelTitle": "How it stands",
+            "topicToRender": diagnostics,
+            "minLevel": 0, "pinnedIds": [], "hardwareIdFilter": "", "sortByLevel": false,
         }),
     );
-    let intervals = |parameter: &str| {
-        let bands = bands.clone();
-        let parameter = parameter.to_owned();
-        (0..3).flat_map(move |a| {
-            let path = format!("{bands}.{parameter}.{}", AXES[a]);
-            let edge =
-                |end: &str| line(&format!("{path}.{end}"), &format!("{} {end}", AXES[a]), &format!("{}66", COLOURS[a]));
-            [line(&format!("{path}.value"), AXES[a], COLOURS[a]), edge("low"), edge("high")]
-        })
+    let mut detail = |what: &str, title: &str| {
+        let config = json!({
+            "foxglovePanelTitle": title,
+            "topicToRender": diagnostics,
+            "selectedHardwareId": plain(&imu.name), "selectedName": what, "splitFraction": 0.4,
+        });
+        put("DiagnosticStatusPanel", what, config)
     };
-    let bias = put("Plot", "bias", plot("Bias with 95 % interval, m/s²", intervals("bias")));
-    let scale = put("Plot", "scale", plot("Scale with 95 % interval", intervals("scale")));
+    let (calibration, faces) = (detail("calibration", "Calibration"), detail("faces", "Faces"));
+    let intervals = |parameter: &str| {
+        let line = |a: usize, end: &str, label: String, opacity: &str| {
+            line(&format!("{bands}.{parameter}.{}.{end}", AXES[a]), &label, &format!("{}{opacity}", COLOURS[a]))
+        };
+        let values = (0..3).map(|a| line(a, "value", AXES[a].to_owned(), ""));
+        let ends = (0..3).flat_map(|a| ["low", "high"].map(|end| line(a, end, format!("{} {end}", AXES[a]), "66")));
+        values.chain(ends).collect::<Vec<_>>()
+    };
+    let bias = put("Plot", "bias", plot("Bias with 95 % interval, m/s²", 70, intervals("bias")));
+    let scale = put("Plot", "scale", plot("Scale with 95 % interval", 70, intervals("scale")));
     let log = put(
         "RosOut",
         "log",
@@ -132,28 +140,14 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
                 "targetOrientation": [0, 0, 0, 1], "fovy": 45, "near": 0.05, "far": 100,
             },
             "topics": {gravity: {"visible": true}},
-            "layers": {}, "scene": {}, "transforms": {}, "publish": {}, "imageMode": {},
+            "layers": {}, "scene": {"transforms": {"showLabel": false}}, "transforms": {}, "publish": {}, "imageMode": {},
         }),
     );
-    let signals = stack(&[(acceleration, 50.0), (rest, 50.0), (statistic, 100.0)], "column");
-    let calibration = stack(&[(bias, 50.0), (scale, 100.0)], "row");
-    let left = stack(&[(signals, 68.0), (calibration, 100.0)], "column");
-    let right = stack(&[(next, 14.0), (faces, 34.0), (scene, 60.0), (log, 100.0)], "column");
-    stack(&[(left, 66.0), (right, 100.0)], "row")
-}
-
-/// Topics of an IMU's annotations.
-struct T {
-    stillness: String,
-    segment: String,
-    coverage: String,
-}
-
-impl T {
-    fn of(name: &str) -> Self {
-        let topic = |last: &str| quoted(&format!("{name}/stillpoint/{last}"));
-        Self { stillness: topic("stillness"), segment: topic("segment"), coverage: topic("coverage") }
-    }
+    let intervals = stack(&[(bias, 50.0), (scale, 100.0)], "row");
+    let left = stack(&[(acceleration, 25.0), (rest, 38.0), (statistic, 35.0), (intervals, 100.0)], "column");
+    let details = stack(&[(calibration, 54.0), (faces, 100.0)], "row");
+    let right = stack(&[(summary, 15.0), (details, 48.0), (scene, 60.0), (log, 100.0)], "column");
+    stack(&[(left, 61.0), (right, 100.0)], "row")
 }
 
 /// A topic as a message path begins with it: quoted where its letters would end it.
@@ -179,18 +173,19 @@ fn line(path: &str, label: &str, colour: &str) -> Value {
     json!({"value": path, "label": label, "color": colour, "enabled": true, "timestampMethod": "receiveTime", "showLine": true, "lineSize": 1.2})
 }
 
-fn plot(title: &str, paths: impl IntoIterator<Item = Value>) -> Value {
+/// Lines over time; the legend stands beside them, so many pixels wide.
+fn plot(title: &str, legend: u32, paths: impl IntoIterator<Item = Value>) -> Value {
     json!({
         "foxglovePanelTitle": title,
         "paths": paths.into_iter().collect::<Value>(),
         "showLegend": true,
-        "legendDisplay": "floating",
+        "legendDisplay": "left",
         "showPlotValuesInLegend": false,
         "showXAxisLabels": true,
         "showYAxisLabels": true,
         "isSynced": true,
         "xAxisVal": "timestamp",
-        "sidebarDimension": 240,
+        "sidebarDimension": legend,
     })
 }
 

@@ -16,6 +16,9 @@ use crate::imu::{ImuId, Intake, Reading, Sample, Sensor};
 use crate::record::{Block, Event, Schema, Topic};
 use crate::report::{Findings, Story};
 
+/// Damages that are listed one by one.
+const LISTED: u64 = 10;
+
 /// What a report is made of.
 #[derive(Debug, Default)]
 pub struct Stories {
@@ -74,7 +77,7 @@ pub fn stories(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Stori
     if imus.is_empty() {
         return Err(Error::input(input.path(), "was annotated, but no IMU was found in it: nothing to report"));
     }
-    if damages > 1 {
+    if damages > LISTED {
         notes.push(format!("{damages} damages in all"));
     }
     Ok(Stories { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes, damages })
@@ -151,7 +154,7 @@ impl Teller {
             },
             Event::Damage(damage) => {
                 self.damages += 1;
-                if self.damages == 1 {
+                if self.damages <= LISTED {
                     self.notes.push(format!("damaged {damage}"));
                 }
             }

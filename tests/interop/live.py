@@ -4,6 +4,7 @@ A recording is copied piece by piece while `stillpoint tail --live` follows it. 
 receive every annotation, byte for byte as it is in the annotated recording, and the time; one that joins late must
 receive the last state, coverage and calibration at once. Fifty slow and rude ones (half-open, silent, garbage,
 flooding) must neither delay the tail nor make it grow. RECEIVED is written with what arrived, for viewers to open.
+Then `stillpoint watch --live` shows two recordings that grow at a time, and one after them.
 """
 
 import asyncio, collections, json, os, re, socket, struct, subprocess, sys, tempfile, time
@@ -83,18 +84,38 @@ async def be_rude(port, count):
     await asyncio.gather(*(rude(port, i % 5) for i in range(count)))
 
 
+async def start(stillpoint, command, folder):
+    """The program, how to read what it said, and the port that viewers connect to."""
+    with (folder / "stderr").open("w") as stderr:
+        options = ["--live", "127.0.0.1:0", "--set", "output.corrected=causal"]
+        running = subprocess.Popen([stillpoint, *command, *options], stderr=stderr)
+    said = lambda: (folder / "stderr").read_text()
+    while not (address := re.search(r"ws://127\.0\.0\.1:(\d+)", said())):
+        assert running.poll() is None, said()
+        await asyncio.sleep(0.01)
+    return running, said, int(address[1])
+
+
+def read(annotated, written):
+    with annotated.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            written[channel.topic].add((message.log_time, bytes(message.data)))
+
+
+def all_arrived(viewer, written):
+    annotations = [topic for topic in written if "/stillpoint/" in topic]
+    assert any(topic.endswith("corrected") for topic in annotations), annotations
+    for topic in annotations:
+        missing = [i for i, message in enumerate(sorted(written[topic])) if message not in viewer.messages[topic]]
+        assert viewer.messages[topic] == written[topic], (topic, missing, len(written[topic]))
+    return annotations
+
+
 async def follow(stillpoint, recording, crowd):
     with tempfile.TemporaryDirectory() as folder:
         growing = Path(folder) / "growing.mcap"
         growing.touch()
-        command = [stillpoint, "tail", growing, "--live", "127.0.0.1:0", "--set", "output.corrected=causal"]
-        with (Path(folder) / "stderr").open("w") as stderr:
-            tail = subprocess.Popen(command, stderr=stderr)
-        said = lambda: (Path(folder) / "stderr").read_text()
-        while not (address := re.search(r"ws://127\.0\.0\.1:(\d+)", said())):
-            assert tail.poll() is None, said()
-            await asyncio.sleep(0.01)
-        port = int(address[1])
+        tail, said, port = await start(stillpoint, ["tail", growing], Path(folder))
         viewer, late = Viewer(port), Viewer(port)
         viewing = [asyncio.create_task(viewer.run())]
         # A process of its own, lest it hold up the viewer.
@@ -122,10 +143,43 @@ async def follow(stillpoint, recording, crowd):
         others.wait()
         assert tail.returncode == 0, said()
         written = collections.defaultdict(set)
-        with (Path(folder) / "growing.annotated.mcap").open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages():
-                written[channel.topic].add((message.log_time, bytes(message.data)))
+        read(Path(folder) / "growing.annotated.mcap", written)
         return viewer, late, (given, stands), joined, written, memory, seconds
+
+
+async def watch(stillpoint):
+    """Three copies of a recording grow in a folder, two of them at a time; their clocks are a day apart."""
+    with tempfile.TemporaryDirectory() as folder:
+        recordings, results = Path(folder) / "recordings", Path(folder) / "results"
+        recordings.mkdir()
+        command = ["watch", recordings, "--out-dir", results, "--interval", "50ms"]
+        watching, said, port = await start(stillpoint, command, Path(folder))
+        viewer = Viewer(port)
+        viewing = asyncio.create_task(viewer.run())
+        written = collections.defaultdict(set)
+
+        async def grow(day):
+            path, result = recordings / f"{day}.mcap", results / f"{day}.annotated.mcap"
+            simulate = [stillpoint, "simulate", "demo", "-o", Path(folder) / f"{day}.mcap", "-q"]
+            settings = ["--set", f"recording.seed={day}", "--set", f"recording.start_s={1_700_000_000 + 86_400 * day}"]
+            subprocess.run([*simulate, *settings], check=True)
+            data = (Path(folder) / f"{day}.mcap").read_bytes()
+            with path.open("ab", buffering=0) as out:
+                for i in range(0, len(data), len(data) // 20):
+                    out.write(data[i : i + len(data) // 20])
+                    await asyncio.sleep(0.1)
+            while not result.exists():
+                assert watching.poll() is None, said()
+                await asyncio.sleep(0.05)
+            read(result, written)
+
+        await asyncio.gather(grow(1), grow(2))
+        await grow(3)
+        watching.terminate()
+        assert watching.wait(20) == 0, said()
+        await asyncio.wait_for(viewing, 30)
+        count = sum(len(viewer.messages[topic]) for topic in all_arrived(viewer, written))
+        print(f"{count} annotations of three watched recordings arrived")
 
 
 def check_late(late, given, joined, written):
@@ -146,6 +200,7 @@ def check_diagnostics(viewer):
     said = {status.name: status.message for status in last.status}
     assert said["stillpoint: recording"] == "undamaged", said
     assert any(name.endswith("calibration") and "confirmed" in said[name] for name in said), said
+    assert any(name.endswith("faces") and said[name] == "6 of 6 seen" for name in said), said
     values = {value.key: value.value for status in last.status for value in status.values}
     assert len(values["bias, m/s²"].split()) == 3, values
     return len(viewer.messages["/diagnostics"])
@@ -166,11 +221,7 @@ def keep(viewer, path):
 async def main(stillpoint, recording, received=None):
     *_, alone, quick = await follow(stillpoint, recording, 0)
     viewer, late, given, joined, written, memory, seconds = await follow(stillpoint, recording, CROWD)
-    annotations = [topic for topic in written if "/stillpoint/" in topic]
-    assert any(topic.endswith("corrected") for topic in annotations), annotations
-    for topic in annotations:
-        missing = [i for i, message in enumerate(sorted(written[topic])) if message not in viewer.messages[topic]]
-        assert viewer.messages[topic] == written[topic], (topic, missing, len(written[topic]))
+    annotations = all_arrived(viewer, written)
     sources = [topic for topic in viewer.messages if "/stillpoint/" not in topic and topic != "/diagnostics"]
     assert sources and all(viewer.messages[topic] <= written[topic] for topic in sources)
     assert all(len(viewer.messages[topic]) > 0.9 * len(written[topic]) for topic in sources)
@@ -193,3 +244,4 @@ if sys.argv[1] == "--rude":
     asyncio.run(be_rude(*map(int, sys.argv[2:])))
 else:
     asyncio.run(main(sys.argv[1], *map(Path, sys.argv[2:])))
+    asyncio.run(watch(sys.argv[1]))

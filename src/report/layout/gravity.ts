@@ -66,8 +66,8 @@ export default function script(
       billboard: true,
       font_size: 14,
       scale_invariant: true,
-      color: { r: 0.5, g: 0.5, b: 0.5, a: 1 },
-      text: face.name,
+      color: { r: 0.1, g: 0.1, b: 0.1, a: 1 },
+      text: face.placements > 0 ? `${face.name} ×${face.placements}` : face.name,
     });
   }
   return { deletions: [], entities: [faces] };

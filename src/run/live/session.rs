@@ -13,6 +13,7 @@ use crate::Stamp;
 use crate::annotate::diagnostics::{self, Diagnostic, Level};
 use crate::config::Config;
 use crate::engine::Message;
+use crate::messages::Face;
 use crate::messages::triad::Status as Known;
 use crate::record::{Annotation, Channel, Schema, Topic};
 use crate::report::Findings;
@@ -164,8 +165,8 @@ fn build(builder: ChannelBuilder) -> Option<Arc<RawChannel>> {
     builder.build_raw().inspect_err(|error| tracing::warn!("a topic is not shown live: {error}")).ok()
 }
 
-/// Whether an IMU rests and what is known of it: what an operator has to see to is a warning.
-fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 2] {
+/// Whether an IMU rests, the faces seen, and what is known of it: what an operator has to see to is a warning.
+fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 3] {
     let name = |what: &str| format!("stillpoint: {}: {what}", findings.name);
     let number = |label: &str, value: f64| (label.to_owned(), format!("{value:.4}"));
     let (level, message) = match status.state {
@@ -183,6 +184,20 @@ fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 2] {
             .into_iter()
             .chain(floors.into_iter().filter_map(|(label, floor)| Some(number(label, floor?))))
             .collect(),
+    };
+    let faces = findings.coverage.as_ref().map_or(&[][..], |coverage| &coverage.faces);
+    let seen = faces.iter().filter(|face| face.placements > 0).count();
+    let all = findings.coverage.as_ref().is_some_and(|coverage| coverage.complete);
+    let face = |face: &Face| match face.placements {
+        0 => (face.name.clone(), "missing".to_owned()),
+        placements => (face.name.clone(), format!("{placements} placements, {:.1} s", face.seconds)),
+    };
+    let faces = Diagnostic {
+        level: if all { Level::Ok } else { Level::Warn },
+        name: name("faces"),
+        message: if faces.is_empty() { "none seen yet".to_owned() } else { format!("{seen} of {} seen", faces.len()) },
+        hardware: findings.topic.clone(),
+        values: faces.iter().map(face).collect(),
     };
     let triad = findings.calibration.as_ref().and_then(|calibration| calibration.accelerometer.as_ref());
     let next = findings.coverage.as_ref().map_or("", |coverage| coverage.next_step.as_str());
@@ -208,5 +223,5 @@ fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 2] {
             }))
             .collect(),
     };
-    [rest, calibration]
+    [rest, faces, calibration]
 }
