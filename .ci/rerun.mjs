@@ -1,6 +1,5 @@
-// Opens recordings in the viewer of Rerun and waits until it shows their log and their timeline; a picture of each.
-// By hand: software rendering of the viewer is too slow on small machines for CI.
-// node rerun.mjs FOLDER NAME=FILE[,FILE]...     Pictures go into FOLDER. Needs rerun, playwright-core and chromium.
+// Opens what Rerun took in, in its viewer, and waits until that shows the log and the timeline; a picture of each.
+// node rerun.mjs RERUN FOLDER NAME...     Opens FOLDER/NAME.rrd; pictures stand beside. Needs playwright-core and chromium.
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -9,13 +8,14 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 
 const { chromium } = createRequire(join(process.env.NODE_PATH ?? ".", "x.js"))("playwright-core");
-const PATIENCE_S = 120;
-const [folder, ...sessions] = process.argv.slice(2);
+// The viewer is drawn without a graphics card: a picture takes seconds, on a busy machine many.
+const PATIENCE_S = 240;
+const [rerun, folder, ...names] = process.argv.slice(2);
 
 const profile = mkdtempSync(join(tmpdir(), "rerun-"));
 const browser = await chromium.launchPersistentContext(profile, {
   executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  viewport: { width: 1600, height: 1000 },
+  viewport: { width: 1200, height: 750 },
   args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"],
@@ -23,30 +23,36 @@ const browser = await chromium.launchPersistentContext(profile, {
 await browser.route(/^https?:\/\/(?!127\.0\.0\.1)/, (route) => route.abort());
 const eye = await browser.newPage();
 let faults = 0;
-for (const session of sessions) {
-  const [name, files] = session.split("=");
+for (const name of names) {
+  const began = Date.now();
+  const left = () => PATIENCE_S * 1000 - (Date.now() - began);
   const [web, data] = [await freePort(), await freePort()];
-  const rerun = spawn(process.env.RERUN ?? "rerun", ["--serve-web", "--web-viewer-port", web, "--port", data,
-    "--bind", "127.0.0.1", ...files.split(",")], { env: { ...process.env, RERUN_ANALYTICS: "0" }, stdio: "ignore", detached: true });
+  const server = spawn(rerun, ["--serve-web", "--web-viewer-port", web, "--port", data, "--bind", "127.0.0.1",
+    join(folder, `${name}.rrd`)], { env: { ...process.env, RERUN_ANALYTICS: "0" }, stdio: "ignore" });
   const tab = await browser.newPage();
   const source = encodeURIComponent(`rerun+http://127.0.0.1:${data}/proxy`);
-  let seen = {};
-  const deadline = Date.now() + PATIENCE_S * 1000;
-  do {
-    await new Promise((done) => setTimeout(done, 1500));
-    if (tab.url() === "about:blank") {
-      await tab.goto(`http://127.0.0.1:${web}/?url=${source}&renderer=webgl`).catch(() => {});
+  const isShown = (seen) => seen.panels > 4000 && seen.timeline > 1000;
+  let seen = { panels: 0, timeline: 0 };
+  while (!isShown(seen) && left() > 0) {
+    try {
+      if (tab.url() === "about:blank") {
+        await tab.goto(`http://127.0.0.1:${web}/?url=${source}&renderer=webgl`, { waitUntil: "commit", timeout: left() });
+      }
+      await tab.waitForTimeout(1500);
+      const picture = await tab.screenshot({ timeout: Math.max(left(), 1) });
+      writeFileSync(join(folder, `${name}.png`), picture);
+      seen = await eye.evaluate(look, `data:image/png;base64,${picture.toString("base64")}`);
+    } catch (error) {
+      // It is not listening yet, or too busy to be drawn.
+      await new Promise((done) => setTimeout(done, 500));
     }
-    const picture = await tab.screenshot();
-    writeFileSync(join(folder, `${name}.png`), picture);
-    seen = await eye.evaluate(look, `data:image/png;base64,${picture.toString("base64")}`);
-  } while (!(seen.panels > 1500 && seen.timeline > 300) && Date.now() < deadline);
+  }
+  server.kill();
   await tab.close();
-  // What was started is a script that starts the viewer.
-  process.kill(-rerun.pid);
-  const shown = seen.panels > 1500 && seen.timeline > 300;
-  console.log(`${name}: ${shown ? "shown" : "NOT SHOWN"}, ${seen.panels} coloured pixels, ${seen.timeline} in the timeline`);
-  faults += shown ? 0 : 1;
+  const seconds = ((Date.now() - began) / 1000).toFixed(0);
+  const word = isShown(seen) ? "shown" : "NOT SHOWN";
+  console.log(`${name}: ${word} after ${seconds} s, ${seen.panels} coloured pixels, ${seen.timeline} in the timeline`);
+  faults += isShown(seen) ? 0 : 1;
 }
 await browser.close();
 rmSync(profile, { recursive: true, force: true });
@@ -79,5 +85,5 @@ async function look(url) {
   const coloured = (r, g, b) => Math.max(r, g, b) - Math.min(r, g, b) > 80;
   const ground = canvas.getImageData(Math.round(0.9 * width), Math.round(0.97 * height), 1, 1).data;
   const marked = (r, g, b) => Math.abs(r - ground[0]) + Math.abs(g - ground[1]) + Math.abs(b - ground[2]) > 200;
-  return { panels: count(0.13, 0.1, 0.8, 0.73, coloured), timeline: count(0.14, 0.84, 0.97, 0.99, marked) };
+  return { panels: count(0.17, 0.09, 0.745, 0.74, coloured), timeline: count(0.18, 0.84, 0.97, 0.99, marked) };
 }

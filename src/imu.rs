@@ -29,6 +29,7 @@ mod tagged;
 mod verdict;
 mod walk;
 
+pub use clock::header_stamp;
 pub use config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, VectorConfig, VectorPath};
 pub use decoder::Decoder;
 pub use fix::Fix;

@@ -122,12 +122,17 @@ fn xyz(value: &Value) -> Vector3<f64> {
     Vector3::from_column_slice(&numbers(value))
 }
 
+/// A parameter as an autopilot keeps it: the text of a file has no more digits than tell its 32 bits from others.
+fn kept(file: &Parameters, name: &str) -> f64 {
+    f64::from(file.get(name).unwrap() as f32)
+}
+
 /// What PX4 makes of a raw reading: `Accelerometer.hpp` and `Gyroscope.hpp`, `Correct`, in 64 bits.
 struct Px4(Parameters);
 
 impl Px4 {
     fn vector(&self, name: &str, suffix: &str) -> Vector3<f64> {
-        Vector3::from_iterator(["X", "Y", "Z"].map(|axis| self.0.get(&format!("{name}_{axis}{suffix}")).unwrap()))
+        Vector3::from_iterator(["X", "Y", "Z"].map(|axis| kept(&self.0, &format!("{name}_{axis}{suffix}"))))
     }
 
     fn accel(&self, data: &Vector3<f64>) -> Vector3<f64> {
@@ -189,7 +194,7 @@ proptest! {
                 3 => format!("INS4_{name}"),
                 n => format!("INS_{}{}{}", &name[..3], n + 1, &name[3..]),
             };
-            Vector3::from_iterator(["X", "Y", "Z"].map(|axis| file.get(&format!("{name}_{axis}")).unwrap()))
+            Vector3::from_iterator(["X", "Y", "Z"].map(|axis| kept(&file, &format!("{name}_{axis}"))))
         };
         // AP_InertialSensor_Backend.cpp, _rotate_and_correct_accel and _rotate_and_correct_gyro.
         let accel = (a - get("ACCOFFS")).component_mul(&get("ACCSCAL"));

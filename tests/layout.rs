@@ -96,8 +96,8 @@ fn every_panel_is_placed_once_and_shows_what_the_recording_holds() {
             let types: Vec<_> = inputs.iter().map(|topic| recorded.get(*topic).expect(topic)).collect();
             let fields: BTreeSet<_> = types.iter().flat_map(|types| types.values()).flat_map(BTreeMap::keys).collect();
             for name in read_by(code) {
-                let is_axis = ["x", "y", "z"].contains(&name);
-                assert!(is_axis || fields.iter().any(|field| *field == name), "no {name} in {inputs:?}");
+                let is_of_any = ["x", "y", "z", "length"].contains(&name);
+                assert!(is_of_any || fields.iter().any(|field| *field == name), "no {name} in {inputs:?}");
             }
             derived.insert(quoted("export const output = ").nth(1).unwrap(), code);
         }

@@ -53,6 +53,8 @@ fn imus(used: &run::Use) -> Vec<LayoutImu> {
                 acceleration: at(&used.channel.topic),
                 corrected: at(&format!("{}/stillpoint/corrected", part.imu)),
                 frame_id: String::new(),
+                is_stamped: used.stamped.samples,
+                are_readings_stamped: used.stamped.messages,
             }
         })
         .collect()

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::decoder::Decoder;
 use super::layout::{Layout, Place};
 use super::path::FieldPath;
 use crate::Stamp;
@@ -53,6 +54,15 @@ impl Clock {
     }
 }
 
+/// The stamp in the header of a message itself, where viewers look for one; `None` where there is none, or it is 0.
+pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
+    let StampPlaces { mut clock, numbers: places, .. } =
+        StampPlaces::of(layout, &FieldPath::default().join("header"), "stamp")?;
+    let mut numbers = vec![0.0; places.len()];
+    Decoder::new(layout, &places, None).ok()?.read(data, &mut numbers).ok()?;
+    Some(clock.read(&numbers, 0)).filter(|stamp| stamp.nanos() != 0)
+}
+
 impl StampPlaces {
     /// Those of the message that holds the vector, or of the nearest message around it.
     pub(super) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
@@ -75,14 +85,16 @@ impl StampPlaces {
     fn at(layout: &Layout, message: &FieldPath) -> Option<Self> {
         let header = message.join("header");
         let places = [(&header, "stamp"), (message, "stamp"), (message, "timestamp"), (message, "time")];
-        places.into_iter().find_map(|(around, name)| {
-            let stamp = around.join(name);
-            let names = [("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanos")];
-            let numbers = names.iter().find_map(|(seconds, nanos)| {
-                Some(vec![layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
-            });
-            let clock = Clock { unit: Some(Unit::Seconds), choice: None };
-            Some(Self { clock, numbers: numbers?, frame: layout.find_text(&around.join("frame_id")) })
-        })
+        places.into_iter().find_map(|(around, name)| Self::of(layout, around, name))
+    }
+
+    fn of(layout: &Layout, around: &FieldPath, name: &str) -> Option<Self> {
+        let stamp = around.join(name);
+        let names = [("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanos")];
+        let numbers = names.iter().find_map(|(seconds, nanos)| {
+            Some(vec![layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
+        });
+        let clock = Clock { unit: Some(Unit::Seconds), choice: None };
+        Some(Self { clock, numbers: numbers?, frame: layout.find_text(&around.join("frame_id")) })
     }
 }

@@ -18,6 +18,11 @@ pub struct LayoutImu {
     pub corrected: [String; 3],
     /// Frame that its readings are in.
     pub frame_id: String,
+    /// Whether its annotations are plotted by their stamps. While a recording is followed, viewers know no other time of a
+    /// message than that of its arrival, and recorders write many seconds at once.
+    pub is_stamped: bool,
+    /// Whether its readings are.
+    pub are_readings_stamped: bool,
 }
 
 const COLOURS: [&str; 3] = ["#0072b2", "#d55e00", "#009e73"];
@@ -47,8 +52,7 @@ pub fn layout(imus: &[LayoutImu]) -> Value {
 
 /// The panels of one IMU, and how they stand beside each other.
 fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut Map<String, Value>) -> Value {
-    let [stillness, segment] =
-        ["stillness", "segment"].map(|last| quoted(&format!("{}/stillpoint/{last}", imu.name)));
+    let [stillness, segment] = ["stillness", "segment"].map(|last| quoted(&format!("{}/stillpoint/{last}", imu.name)));
     let [bands, gravity, diagnostics] =
         ["bands", "gravity", "diagnostics"].map(|name| format!("/studio_script/{name}{i}"));
     for (name, title, code) in [
@@ -67,9 +71,18 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         panels.insert(id.clone(), config);
         Value::from(id)
     };
-    let raw = (0..3).map(|a| line(&imu.acceleration[a], AXES[a], COLOURS[a]));
-    let corrected = (0..3).map(|a| line(&imu.corrected[a], &format!("{} corrected", AXES[a]), COLOURS[a]));
-    let acceleration = put("Plot", "acceleration", plot("Acceleration, m/s²", 120, raw.chain(corrected)));
+    let time = |is_stamped| if is_stamped { "headerStamp" } else { "receiveTime" };
+    let line = |path: &str, label: &str, colour: &str, is_stamped| {
+        json!({
+            "value": path, "label": label, "color": colour, "enabled": true, "timestampMethod": time(is_stamped),
+            "showLine": true, "lineSize": 1.2,
+        })
+    };
+    let reading = |path: &str, label: &str, colour| line(path, label, colour, imu.are_readings_stamped);
+    let learned = |path: &str, label: &str, colour: &str| line(path, label, colour, imu.is_stamped);
+    let raw = (0..3).map(|a| reading(&imu.acceleration[a], AXES[a], COLOURS[a]));
+    let corrected = (0..3).map(|a| reading(&imu.corrected[a], &format!("{} corrected", AXES[a]), COLOURS[a]));
+    let acceleration = put("Plot", "acceleration", plot("Acceleration, m/s²", 170, raw.chain(corrected)));
     let rest = put(
         "StateTransitions",
         "rest",
@@ -77,19 +90,19 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
             "foxglovePanelTitle": "Rest",
             "isSynced": true,
             "paths": [
-                {"value": format!("{stillness}.state"), "label": "state", "timestampMethod": "receiveTime"},
-                {"value": format!("{segment}.face"), "label": "last rest on", "timestampMethod": "receiveTime"},
-                {"value": format!("{segment}.reason"), "label": "and it was", "timestampMethod": "receiveTime"},
+                {"value": format!("{stillness}.state"), "label": "state", "timestampMethod": time(imu.is_stamped)},
+                {"value": format!("{segment}.face"), "label": "last rest on", "timestampMethod": time(imu.is_stamped)},
+                {"value": format!("{segment}.reason"), "label": "and it was", "timestampMethod": time(imu.is_stamped)},
             ],
         }),
     );
     let mut deviation = plot(
         "Deviation over the noise floor",
-        120,
+        170,
         [
-            line(&format!("{stillness}.statistic"), "statistic", "#666666"),
-            line(&format!("{stillness}.enter"), "still below", COLOURS[2]),
-            line(&format!("{stillness}.leave"), "moving above", COLOURS[1]),
+            learned(&format!("{stillness}.statistic"), "statistic", "#666666"),
+            learned(&format!("{stillness}.enter"), "still below", COLOURS[2]),
+            learned(&format!("{stillness}.leave"), "moving above", COLOURS[1]),
         ],
     );
     // In motion it is hundreds of times the floor, beside which the thresholds could not be told from nothing.
@@ -108,21 +121,21 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         let config = json!({
             "foxglovePanelTitle": title,
             "topicToRender": diagnostics,
-            "selectedHardwareId": plain(&imu.name), "selectedName": what, "splitFraction": 0.4,
+            "selectedHardwareId": plain(&imu.name), "selectedName": what, "splitFraction": 0.35,
         });
         put("DiagnosticStatusPanel", what, config)
     };
     let (calibration, faces) = (detail("calibration", "Calibration"), detail("faces", "Faces"));
     let intervals = |parameter: &str| {
         let line = |a: usize, end: &str, label: String, opacity: &str| {
-            line(&format!("{bands}.{parameter}.{}.{end}", AXES[a]), &label, &format!("{}{opacity}", COLOURS[a]))
+            learned(&format!("{bands}.{parameter}.{}.{end}", AXES[a]), &label, &format!("{}{opacity}", COLOURS[a]))
         };
         let values = (0..3).map(|a| line(a, "value", AXES[a].to_owned(), ""));
         let ends = (0..3).flat_map(|a| ["low", "high"].map(|end| line(a, end, format!("{} {end}", AXES[a]), "66")));
         values.chain(ends).collect::<Vec<_>>()
     };
-    let bias = put("Plot", "bias", plot("Bias with 95 % interval, m/s²", 70, intervals("bias")));
-    let scale = put("Plot", "scale", plot("Scale with 95 % interval", 70, intervals("scale")));
+    let bias = put("Plot", "bias", plot("Bias with 95 % interval, m/s²", 110, intervals("bias")));
+    let scale = put("Plot", "scale", plot("Scale with 95 % interval", 110, intervals("scale")));
     let log = put(
         "RosOut",
         "log",
@@ -136,7 +149,7 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
             "followTf": frame(imu),
             "followMode": "follow-pose",
             "cameraState": {
-                "perspective": true, "distance": 4, "phi": 60, "thetaOffset": 45, "targetOffset": [0, 0, 0], "target": [0, 0, 0],
+                "perspective": true, "distance": 3.2, "phi": 60, "thetaOffset": 45, "targetOffset": [0, 0, 0], "target": [0, 0, 0],
                 "targetOrientation": [0, 0, 0, 1], "fovy": 45, "near": 0.05, "far": 100,
             },
             "topics": {gravity: {"visible": true}},
@@ -167,10 +180,6 @@ fn plain_text(text: &str) -> String {
 
 fn frame(imu: &LayoutImu) -> &str {
     if imu.frame_id.is_empty() { "imu" } else { &imu.frame_id }
-}
-
-fn line(path: &str, label: &str, colour: &str) -> Value {
-    json!({"value": path, "label": label, "color": colour, "enabled": true, "timestampMethod": "receiveTime", "showLine": true, "lineSize": 1.2})
 }
 
 /// Lines over time; the legend stands beside them, so many pixels wide.

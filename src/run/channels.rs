@@ -12,9 +12,10 @@ use super::glance::Glance;
 use super::input::Input;
 use super::recording::{Recording, Watch};
 use crate::Error;
+use crate::Stamp;
 use crate::config::Config;
-use crate::imu::{ImuConfig, Intake, Sensor, Suggestion, Verdict};
-use crate::record::{Channel, Event, Schema};
+use crate::imu::{ImuConfig, Intake, Layout, Sensor, Suggestion, Verdict, header_stamp};
+use crate::record::{Channel, Event, Message, Schema};
 
 /// The channels of a recording.
 #[derive(Debug, Default)]
@@ -40,10 +41,21 @@ pub struct Use {
     pub verdict: Verdict,
     /// Messages on it.
     pub messages: u64,
+    /// Whose stamps are times of the recording.
+    pub stamped: Stamped,
     /// What its first messages show, one line each.
     pub remarks: Vec<String>,
     /// What would map it, or map it better.
     pub configuration: Option<ImuConfig>,
+}
+
+/// Which stamps are within an hour of the log time, so that viewers can plot by them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stamped {
+    /// Those of the samples, and so of the annotations.
+    pub samples: bool,
+    /// `header.stamp` of the messages themselves.
+    pub messages: bool,
 }
 
 impl Channels {
@@ -242,6 +254,13 @@ impl Look {
         }
     }
 
+    /// The time in the header of a message.
+    fn stamp(&self, message: &Message<'_>) -> Option<Stamp> {
+        let channel = self.channels.iter().find(|channel| channel.id == message.channel)?;
+        let layout = Layout::new(&channel.message_encoding, self.schemas.get(&channel.schema_id)).ok();
+        header_stamp(&layout.or_else(|| Layout::of_example(&channel.topic, message.data))?, message.data)
+    }
+
     /// By topic, with what the names suggest.
     fn uses(&self, counts: &BTreeMap<u16, u64>) -> Vec<Use> {
         let verdicts = self.channels.iter().map(|channel| (channel, self.intake.verdict(channel.id)));
@@ -255,6 +274,7 @@ impl Look {
             schema: self.schemas.get(&channel.schema_id).map(|schema| schema.name.clone()).unwrap_or_default(),
             verdict: verdict.clone(),
             messages: counts.get(&channel.id).copied().unwrap_or_default(),
+            stamped: Stamped::default(),
             remarks: Vec::new(),
             configuration: match verdict {
                 Verdict::Other { suggestion: Some(suggestion), .. } => Some(suggestion.config(primary)),

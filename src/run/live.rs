@@ -15,11 +15,13 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener};
-use foxglove::{ChannelId, Context, PartialMetadata, SinkId, WebSocketServer, WebSocketServerHandle};
-use tokio::runtime::{Builder, Runtime};
+use foxglove::{
+    ChannelBuilder, ChannelId, Context, PartialMetadata, RawChannel, SinkId, WebSocketServer, WebSocketServerHandle,
+};
+use tokio::runtime::{Builder, Handle, Runtime};
 
 use crate::Error;
 use queue::{Item, Queue};
@@ -51,6 +53,9 @@ pub struct Live {
 struct Shared {
     server: WebSocketServerHandle,
     context: Arc<Context>,
+    viewers: Handle,
+    /// When each topic was offered to them.
+    offered: Mutex<HashMap<ChannelId, Instant>>,
     queue: Queue,
     last: Arc<Last>,
 }
@@ -82,7 +87,9 @@ impl Live {
                 other => refused(std::io::Error::other(other)),
             })?;
         let address = SocketAddr::new(address.ip(), server.port());
-        let shared = Arc::new(Shared { server, context, queue: Queue::default(), last });
+        let viewers = runtime.handle().clone();
+        let (queue, offered) = (Queue::default(), Mutex::default());
+        let shared = Arc::new(Shared { server, context, viewers, offered, queue, last });
         let publisher = std::thread::spawn({
             let shared = shared.clone();
             move || shared.publish()
@@ -123,20 +130,22 @@ impl Shared {
     /// Shows what is put into the queue, until that is closed.
     fn publish(&self) {
         let mut shown = HashSet::new();
-        let mut time = 0;
+        let mut time = None;
         while let Some(batch) = self.queue.take(BATCH, QUIET) {
             for item in batch {
                 if shown.insert(item.channel.id()) && self.is_watched() {
-                    std::thread::sleep(GREETING);
+                    std::thread::sleep(GREETING.saturating_sub(self.offered_for(item.channel.id())));
                 }
-                if item.log_time > time || item.log_time < time.saturating_sub(DISORDER) {
-                    time = item.log_time;
+                if time.is_none() {
+                    self.server.broadcast_time(item.log_time);
                 }
+                time = time.filter(|&time| item.log_time <= time && item.log_time >= time.saturating_sub(DISORDER));
+                time = time.or(Some(item.log_time));
                 self.last.show(item);
             }
             if self.is_watched() {
-                // Those that are not told plot by their own clock.
-                self.server.broadcast_time(time);
+                // Viewers that are told no time plot by their own clock; the first that they are told is where plots begin.
+                time.into_iter().for_each(|time| self.server.broadcast_time(time));
                 std::thread::sleep(PAUSE);
             }
         }
@@ -144,6 +153,23 @@ impl Shared {
             // What is on its way to them arrives; nobody tells when it has.
             std::thread::sleep(PARTING);
         }
+    }
+
+    /// Offers a topic to the viewers. The thread that serves them does it: `foxglove` tells a viewer of a topic before it
+    /// notes that this one may ask for it, and would refuse a quick one.
+    fn advertise(&self, topic: ChannelBuilder) -> Option<Arc<RawChannel>> {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        self.viewers.spawn(async move { sender.send(topic.build_raw()) });
+        let built = receiver.recv().ok()?;
+        let built = built.inspect_err(|error| tracing::warn!("a topic is not shown live: {error}")).ok()?;
+        let mut offered = self.offered.lock().unwrap_or_else(PoisonError::into_inner);
+        offered.entry(built.id()).or_insert_with(Instant::now);
+        Some(built)
+    }
+
+    fn offered_for(&self, topic: ChannelId) -> Duration {
+        let offered = self.offered.lock().unwrap_or_else(PoisonError::into_inner);
+        offered.get(&topic).map_or(Duration::ZERO, Instant::elapsed)
     }
 
     /// Whether there is any viewer.

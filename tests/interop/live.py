@@ -39,6 +39,7 @@ class Viewer:
     async def take(self, connection, message):
         if isinstance(message, str):
             message = json.loads(message)
+            assert message["op"] != "status", message
             if message["op"] == "serverInfo":
                 assert "time" in message["capabilities"], message
             if message["op"] == "advertise":
@@ -107,7 +108,7 @@ def all_arrived(viewer, written):
     assert any(topic.endswith("corrected") for topic in annotations), annotations
     for topic in annotations:
         missing = [i for i, message in enumerate(sorted(written[topic])) if message not in viewer.messages[topic]]
-        assert viewer.messages[topic] == written[topic], (topic, missing, len(written[topic]))
+        assert viewer.messages[topic] == written[topic], (topic, missing[:9], len(missing), len(written[topic]))
     return annotations
 
 
@@ -162,7 +163,7 @@ async def watch(stillpoint):
             path, result = recordings / f"{day}.mcap", results / f"{day}.annotated.mcap"
             simulate = [stillpoint, "simulate", "demo", "-o", Path(folder) / f"{day}.mcap", "-q"]
             settings = ["--set", f"recording.seed={day}", "--set", f"recording.start_s={1_700_000_000 + 86_400 * day}"]
-            subprocess.run([*simulate, *settings], check=True)
+            await asyncio.to_thread(subprocess.run, [*simulate, *settings], check=True)
             data = (Path(folder) / f"{day}.mcap").read_bytes()
             with path.open("ab", buffering=0) as out:
                 for i in range(0, len(data), len(data) // 20):
@@ -171,13 +172,14 @@ async def watch(stillpoint):
             while not result.exists():
                 assert watching.poll() is None, said()
                 await asyncio.sleep(0.05)
-            read(result, written)
 
         await asyncio.gather(grow(1), grow(2))
         await grow(3)
         watching.terminate()
-        assert watching.wait(20) == 0, said()
+        assert await asyncio.to_thread(watching.wait, 20) == 0, said()
         await asyncio.wait_for(viewing, 30)
+        for result in results.glob("*.annotated.mcap"):
+            read(result, written)
         count = sum(len(viewer.messages[topic]) for topic in all_arrived(viewer, written))
         print(f"{count} annotations of three watched recordings arrived")
 
@@ -226,7 +228,10 @@ async def main(stillpoint, recording, received=None):
     assert sources and all(viewer.messages[topic] <= written[topic] for topic in sources)
     assert all(len(viewer.messages[topic]) > 0.9 * len(written[topic]) for topic in sources)
     assert viewer.times == sorted(viewer.times) and len(viewer.times) > 50, len(viewer.times)
+    first = min(log_time for messages in written.values() for log_time, _ in messages)
     last = max(log_time for topic in annotations for log_time, _ in written[topic])
+    # The viewer was there before the recording: a time from before would be where its plots begin.
+    assert first <= viewer.times[0] < first + 2e9, (viewer.times[0], first)
     assert viewer.times[-1] == last, (viewer.times[-1], last)
     check_late(late, given, joined, written)
     diagnostics = check_diagnostics(viewer)

@@ -6,7 +6,8 @@ export const output = "/studio_script/bandsPLACE";
 
 type Band = { low: number; value: number; high: number };
 type Axes = { x: Band; y: Band; z: Band };
-type Bands = { bias: Axes; scale: Axes };
+type Header = { stamp: { sec: number; nsec: number }; frame_id: string };
+type Bands = { header: Header; bias: Axes; scale: Axes };
 type Vector = { x: number; y: number; z: number };
 
 const band = (value: number, std: number): Band => ({ low: value - 1.96 * std, value, high: value + 1.96 * std });
@@ -17,10 +18,12 @@ const axes = (value: Vector, std: Vector): Axes => ({
 });
 
 export default function script(event: Input<"IMU/stillpoint/calibration">): Bands | undefined {
-  const triad = (event.message as any).accelerometer;
+  const message = event.message as any;
+  const triad = message.accelerometer;
   // 0 is UNDETERMINED: there is nothing to draw.
   if (!triad || !triad.status || !triad.bias || !triad.scale) {
     return undefined;
   }
-  return { bias: axes(triad.bias, triad.bias_std), scale: axes(triad.scale, triad.scale_std) };
+  const [bias, scale] = [axes(triad.bias, triad.bias_std), axes(triad.scale, triad.scale_std)];
+  return { header: message.header, bias, scale };
 }

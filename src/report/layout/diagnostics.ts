@@ -61,7 +61,7 @@ export default function script(
     faces = { level: message.complete ? OK : WARN, message: `${seen} of ${message.faces.length} seen` };
     faceValues = (message.faces as any[]).map((face) => [
       face.name,
-      face.placements > 0 ? `${face.placements} placements, ${number(face.seconds, 1)} s` : "missing",
+      face.placements > 0 ? `${face.placements}×, ${number(face.seconds, 1)} s` : "missing",
     ]);
     next = message.next_step;
   } else {

@@ -168,7 +168,7 @@ fn noise(imu: &Imu<'_>) -> String {
         return String::new();
     }
     format!(
-        "<div class=\"scroll\"><table><caption>Noise of one sample at rest: median standard deviation over the rests</caption>\
+        "<p class=\"dim\">Noise of one sample at rest: median standard deviation over the rests</p><div class=\"scroll\"><table>\
          <thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th>\
          <th class=\"n\" title=\"how many uncorrelated samples say as much\">uncorrelated</th></tr></thead>{rows}</table></div>"
     )

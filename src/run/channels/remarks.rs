@@ -1,13 +1,14 @@
 //! What the first messages of the channels show, in words, and what that changes in the configuration that is offered.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
-use super::{Look, Use, head};
-use crate::Error;
+use super::{Look, Stamped, Use, head};
 use crate::config::Config;
 use crate::imu::{AccelUnit, ImuConfig, Looks, Peek, Reading, Relation, Sensor};
 use crate::record::Event;
 use crate::run::recording::{Recording, Watch};
+use crate::{Error, Stamp};
 
 /// Looks at the first messages, those of suggested topics as if they were mapped, and remarks on what they show.
 pub(super) fn peek(
@@ -20,19 +21,31 @@ pub(super) fn peek(
     let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
     let mut look = Look::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, Peek)> = BTreeMap::new();
+    let mut stamped = BTreeMap::new();
     head(recording, watch, |event| {
         let Event::Message(message) = event else {
             look.take(event);
             return false;
         };
+        let mut measured = None;
         look.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
+                measured = Some(sample.stamp);
                 peeks.entry((imu.index(), sensor.index())).or_insert((sensor, Peek::default())).1.push(sample);
             }
         });
+        if let (Some(measured), Entry::Vacant(new)) = (measured, stamped.entry(message.channel)) {
+            let logged = Stamp::from_log_time(message.log_time);
+            let is_near = |stamp: Stamp| stamp.seconds_since(logged).abs() < 3600.0;
+            let messages = look.stamp(&message).is_some_and(is_near);
+            new.insert(Stamped { samples: is_near(measured), messages });
+        }
         // A topic that begins later is not waited for.
         !peeks.is_empty() && peeks.values().all(|(_, peek)| !peek.wants_more())
     })?;
+    for used in channels.iter_mut() {
+        used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
+    }
     let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
         let triads = &look.intake.imus().get(imu)?.triads;
         let topic = triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();

@@ -124,7 +124,7 @@ impl<'a> Session<'a> {
 
     /// Topics are shown once they have messages that are used.
     fn source(&mut self, id: u16) {
-        if let Some(built) = self.unused.remove(&id).and_then(build) {
+        if let Some(built) = self.unused.remove(&id).and_then(|builder| self.shared.advertise(builder)) {
             self.used.insert(id, built);
         }
     }
@@ -138,7 +138,7 @@ impl<'a> Session<'a> {
                 data: Cow::Owned(topic.schema.clone()),
             });
             let builder = ChannelBuilder::new(&topic.name).message_encoding(&topic.message_encoding).schema(schema);
-            let built = build(builder.context(&self.shared.context));
+            let built = self.shared.advertise(builder.context(&self.shared.context));
             self.annotations.extend(built.map(|channel| (topic.name.clone(), channel)));
         }
         if let Some(channel) = self.annotations.get(&topic.name) {
@@ -159,10 +159,6 @@ impl<'a> Session<'a> {
         let builder = ChannelBuilder::new(&channel.topic).message_encoding(&channel.message_encoding);
         builder.schema(schema).metadata(channel.metadata.clone()).context(&self.shared.context)
     }
-}
-
-fn build(builder: ChannelBuilder) -> Option<Arc<RawChannel>> {
-    builder.build_raw().inspect_err(|error| tracing::warn!("a topic is not shown live: {error}")).ok()
 }
 
 /// Whether an IMU rests, the faces seen, and what is known of it: what an operator has to see to is a warning.
@@ -190,7 +186,7 @@ fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 3] {
     let all = findings.coverage.as_ref().is_some_and(|coverage| coverage.complete);
     let face = |face: &Face| match face.placements {
         0 => (face.name.clone(), "missing".to_owned()),
-        placements => (face.name.clone(), format!("{placements} placements, {:.1} s", face.seconds)),
+        placements => (face.name.clone(), format!("{placements}×, {:.1} s", face.seconds)),
     };
     let faces = Diagnostic {
         level: if all { Level::Ok } else { Level::Warn },
