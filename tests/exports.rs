@@ -295,6 +295,12 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
         ("ardupilot", "--raw --axes flu --slot 1"),
     ] {
         folder.say(&format!("export a.mcap --format {format} {options} -o file.{format}")).ok();
+        let text = String::from_utf8(folder.read(&format!("file.{format}"))).unwrap();
+        let header: String = text.lines().take_while(|line| line.starts_with('#')).collect();
+        assert!(
+            header.contains("axes as in the recording; convention: ") || header.contains("# convention: "),
+            "{text}"
+        );
         let run = folder.say(&format!("import file.{format} --axes flu --topic /imu")).ok();
         let read = &run.json()["imus"][0];
         assert_eq!(read["topic"], "/imu", "{format}");

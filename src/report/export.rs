@@ -144,7 +144,7 @@ pub fn export(findings: &[Findings], format: Format, options: &Options) -> Resul
     };
     match format {
         Format::Json => Ok(plain(format!("{:#}\n", json!({"imus": imus(findings)})))),
-        Format::Yaml => Ok(plain(yaml::document(&json!({"imus": imus(findings)})))),
+        Format::Yaml => Ok(plain(comments(&own()) + &yaml::document(&json!({"imus": imus(findings)})))),
         Format::Kalibr => kalibr::intrinsics(findings),
         Format::KalibrInput => kalibr::input(one(findings, options)?, options.random_walk).map(plain),
         Format::ImuCalib => imu_calib::export(one(findings, options)?, options).map(plain),
@@ -219,6 +219,16 @@ fn heading(imu: &Findings, triads: &[&Triad]) -> Vec<String> {
         lines.push(format!("gravity {gravity} m/s² ({gravity_source})"));
     }
     lines
+}
+
+/// What stands above our own layout.
+fn own() -> [String; 3] {
+    [
+        format!("Calibrations by Stillpoint {}", env!("CARGO_PKG_VERSION")),
+        "measured = bias + sensitivity * true, rows of sensitivity one by one, so true = sensitivity^-1 * (measured - bias)"
+            .to_owned(),
+        "accelerometers in m/s², gyroscopes in rad/s, axes as in the recording; convention: Stillpoint's own".to_owned(),
+    ]
 }
 
 /// Text as comments; what a recording names cannot end a comment early.
