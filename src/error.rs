@@ -36,6 +36,14 @@ pub enum Error {
         /// Why not, and what to do.
         why: String,
     },
+    /// The input was read, and is no recording, or none that can be annotated.
+    #[error("{}: {why}", path.display())]
+    Unfit {
+        /// Which.
+        path: PathBuf,
+        /// Why not, and what to do.
+        why: String,
+    },
     /// The output exists and is something else.
     #[error("{}: exists and is not the result of this input and configuration; choose another name or replace it with --force", .0.display())]
     Exists(PathBuf),
@@ -65,6 +73,11 @@ impl Error {
     /// An input that cannot be worked on.
     pub fn input(path: &Path, why: impl Into<String>) -> Self {
         Self::Input { path: path.to_owned(), why: why.into() }
+    }
+
+    /// An input that is no recording, or none that can be annotated.
+    pub fn unfit(path: &Path, why: impl Into<String>) -> Self {
+        Self::Unfit { path: path.to_owned(), why: why.into() }
     }
 }
 

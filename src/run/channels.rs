@@ -114,18 +114,18 @@ pub(super) fn no_imu<'a>(
     let further = topics.len().saturating_sub(LISTED);
     topics.truncate(LISTED);
     let listed = match (topics.as_slice(), further) {
-        ([], _) => return Error::input(path, "no usable IMU topic: the recording has no topics at all"),
+        ([], _) => return Error::unfit(path, "no usable IMU topic: the recording has no topics at all"),
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
     if !missing.is_empty() {
-        return Error::input(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
+        return Error::unfit(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
     }
     let advice = match suggested(channels.map(|(_, verdict, _)| verdict)) {
         Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
         None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
     };
-    Error::input(
+    Error::unfit(
         path,
         format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units"),
     )

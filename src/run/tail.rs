@@ -62,8 +62,8 @@ pub struct Tailed {
 ///
 /// # Errors
 ///
-/// If it is not MCAP or has no usable IMU topic, and nothing is left behind; if the system refuses, or `stop` asks, and
-/// the same call then goes on from where it was.
+/// If it is not MCAP or has no usable IMU topic, and nothing is left behind; if it is out of reach, the system refuses,
+/// or `stop` asks, and the same call then goes on from where it was.
 pub fn tail(
     input: &Path,
     output: &Path,
@@ -88,7 +88,7 @@ pub fn tail(
     match done {
         Ok(done) => Ok(done),
         Err(error) if nothing => shell.tidy().and(Err(error)),
-        Err(error @ Error::Input { .. }) if shell.checkpoint.exists() => shell.tidy().and(Err(error)),
+        Err(error @ Error::Unfit { .. }) if shell.checkpoint.exists() => shell.tidy().and(Err(error)),
         Err(Error::Stopped) => Err(Error::Paused),
         Err(error) => Err(error),
     }

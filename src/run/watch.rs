@@ -243,7 +243,7 @@ impl Watcher<'_> {
             Err(error) => {
                 self.metrics.error();
                 entry.attempts += 1;
-                let for_good = matches!(error, Error::Input { .. } | Error::Exists(_));
+                let for_good = matches!(error, Error::Input { .. } | Error::Unfit { .. } | Error::Exists(_));
                 let passes = error.is_full() || matches!(error, Error::Busy(_));
                 if for_good || entry.attempts >= ATTEMPTS && !passes {
                     let reason = error.to_string();

@@ -155,3 +155,38 @@ fn a_checkpoint_that_cannot_be_read_is_not_gone_on_with() {
         std::fs::remove_file(folder.path().join("batch.mcap")).unwrap();
     }
 }
+
+/// A tail that was killed when it had annotated the larger part of `rec.mcap`, into `out`.
+fn killed(folder: &Folder) {
+    let session = Session::six_faces();
+    let most = session.len() * 2 / 3;
+    session.record_while(&folder.path().join("rec.mcap"), Style::default(), f64::INFINITY, |written| written < most);
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    let tail = Running::start(folder, "tail rec.mcap -o out/rec.annotated.mcap");
+    wait_for("a checkpoint", || length(&folder.path().join("out/rec.stillpoint.checkpoint")) > 5000);
+    tail.kill();
+}
+
+#[test]
+fn what_a_killed_tail_had_written_stays_while_its_recording_is_out_of_reach() {
+    let folder = Folder::new();
+    killed(&folder);
+    let path = |name: &str| folder.path().join(name);
+    std::fs::rename(path("rec.mcap"), path("away.mcap")).unwrap();
+    let again = "tail rec.mcap -o out/rec.annotated.mcap --idle-timeout 100ms";
+    let kept = || ["mcap", "checkpoint"].map(|ending| folder.read(&format!("out/rec.stillpoint.{ending}")));
+    let before = kept();
+    let run = folder.say(&format!("{again} -q"));
+    assert!(run.code == 1 && run.error().contains("missing or empty"), "{}", run.stderr);
+    std::fs::create_dir(path("rec.mcap")).unwrap();
+    folder.write("rec.mcap/metadata.yaml", b"none");
+    let run = folder.say(&format!("{again} -q"));
+    assert!(run.code == 1 && run.error().contains("no rosbag2 recording"), "{}", run.stderr);
+    assert!(kept() == before);
+    std::fs::remove_dir_all(path("rec.mcap")).unwrap();
+    std::fs::rename(path("away.mcap"), path("rec.mcap")).unwrap();
+    let run = folder.say(&format!("{again} --accept-damage")).ok();
+    assert!(run.stderr.contains("going on at byte"), "{}", run.stderr);
+    folder.say("annotate rec.mcap -o batch.mcap --accept-damage").ok();
+    assert!(folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
+}

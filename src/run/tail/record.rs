@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::Shell;
 use super::course::Course;
 use crate::Error;
-use crate::record::{Block, Event, Sidecar};
+use crate::record::{self, Block, Event, Sidecar};
 use crate::run::batch;
 use crate::run::checkpoint::StateOf;
 use crate::run::growing::{Growing, Look};
@@ -126,7 +126,11 @@ impl Shell<'_> {
     fn read(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<Reached, Error> {
         let before = course.scan.offset();
         let reached = loop {
-            match course.scan.next_event().map_err(|e| Error::input(course.growing.path(), e.to_string()))? {
+            let refused = |error: record::Error| match course.done.is_empty() {
+                true => Error::unfit(course.growing.path(), error.to_string()),
+                false => Error::input(course.growing.path(), error.to_string()),
+            };
+            match course.scan.next_event().map_err(refused)? {
                 Event::Read { offset, length } => {
                     self.stop.check()?;
                     course.tell_progress(self.appending.length(), tell);
