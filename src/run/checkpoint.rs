@@ -83,8 +83,8 @@ pub(super) struct StateOf<'a> {
 pub(super) enum Found {
     Nothing,
     State(Box<State>),
-    /// Something that cannot be gone on with, and why.
-    Useless(&'static str),
+    /// Something that cannot be gone on with, why, and what can be read of it.
+    Useless(&'static str, Option<Box<State>>),
 }
 
 /// Saves and loads.
@@ -178,21 +178,21 @@ fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_ser
 }
 
 fn decode(bytes: &[u8], owner: &Owner) -> Found {
-    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Found::Useless("is damaged") };
-    let Some(crc) = head.strip_prefix(MAGIC) else { return Found::Useless("is of another version") };
+    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Found::Useless("is damaged", None) };
+    let Some(crc) = head.strip_prefix(MAGIC) else { return Found::Useless("is of another version", None) };
     if crc != crc32fast::hash(body).to_le_bytes() {
-        return Found::Useless("is damaged");
+        return Found::Useless("is damaged", None);
     }
-    match rmp_serde::from_read::<_, Owner>(&mut body) {
-        Ok(found) if found.version != owner.version => Found::Useless("is of another version"),
-        Ok(found) if found.configuration != owner.configuration => Found::Useless("is of another configuration"),
-        // A mark alone.
-        Ok(_) if body.is_empty() => Found::Nothing,
-        Ok(_) => match rmp_serde::from_read(&mut body) {
-            Ok(state) => Found::State(state),
-            Err(_) => Found::Useless("is of another version"),
-        },
-        Err(_) => Found::Useless("is of another version"),
+    let found = rmp_serde::from_read::<_, Owner>(&mut body);
+    // Nothing follows a mark.
+    let state = (!body.is_empty()).then(|| rmp_serde::from_read(&mut body));
+    match (found, state) {
+        (Ok(found), state) if found.version == owner.version && found.configuration != owner.configuration => {
+            Found::Useless("is of another configuration", state.and_then(Result::ok))
+        }
+        (Ok(found), None) if found == *owner => Found::Nothing,
+        (Ok(found), Some(Ok(state))) if found == *owner => Found::State(state),
+        (_, state) => Found::Useless("is of another version", state.and_then(Result::ok)),
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod course;
 mod end;
+mod names;
 mod record;
 mod trail;
 
@@ -13,6 +14,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use self::course::Course;
+pub use self::names::sidecar_of;
+pub(super) use self::names::{checkpoint_of, set_aside};
 use self::trail::Trail;
 use super::appending::Appending;
 use super::batch::{self, Options, Report};
@@ -80,7 +83,7 @@ pub fn tail(
         stop,
         owner: Owner { version: env!("CARGO_PKG_VERSION").to_owned(), configuration: config.canonical() },
         appending: Appending::open(&sidecar)?,
-        checkpoint: Checkpoint::new(sidecar.with_extension("checkpoint")),
+        checkpoint: Checkpoint::new(checkpoint_of(&sidecar)),
     };
     let done = shell.run(input, tell);
     // An empty sidecar is but a lock.
@@ -92,13 +95,6 @@ pub fn tail(
         Err(Error::Stopped) => Err(Error::Paused),
         Err(error) => Err(error),
     }
-}
-
-/// Where the annotations stand while a recording is followed: beside the output.
-pub fn sidecar_of(output: &Path) -> PathBuf {
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
-    output.with_file_name(format!("{stem}.stillpoint.mcap"))
 }
 
 /// What stays the same while a recording is followed, and the files that belong to it.

@@ -10,12 +10,12 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use self::found::{Stamp, recordings};
-use self::results::{Quarantine, make_way, set_aside};
+use self::results::{Quarantine, make_way};
 use super::metrics::Metrics;
 use super::news::{Ending, News};
 use super::output::Written;
 use super::stop::Stop;
-use super::tail::{Following, Tailed, tail};
+use super::tail::{Following, Tailed, set_aside, tail};
 use crate::Error;
 use crate::config::Config;
 

@@ -190,3 +190,31 @@ fn what_a_killed_tail_had_written_stays_while_its_recording_is_out_of_reach() {
     folder.say("annotate rec.mcap -o batch.mcap --accept-damage").ok();
     assert!(folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
 }
+
+#[test]
+fn what_was_learned_of_a_recording_outlives_another_one_under_its_name() {
+    let folder = Folder::new();
+    killed(&folder);
+    // Killed while it wrote the next block.
+    let sidecar = [folder.read("out/rec.stillpoint.mcap").as_slice(), &[6, 99, 0, 0, 0, 0, 0, 0, 0, 1, 2]].concat();
+    folder.write("out/rec.stillpoint.mcap", &sidecar);
+    let messages = |name: &str| {
+        let bytes = folder.read(name);
+        let stream = mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
+        stream
+            .map_while(Result::ok)
+            .map(|message| (message.channel.topic.clone(), message.sequence))
+            .collect::<Vec<_>>()
+    };
+    let before = messages("out/rec.stillpoint.mcap");
+    folder.write("rec.mcap", &Folder::with_demo().read("demo.mcap"));
+    let run = folder.say("tail rec.mcap -o out/rec.annotated.mcap").ok();
+    assert!(run.stderr.contains("of another recording"), "{}", run.stderr);
+    assert!(run.stderr.contains("stays as out/rec.before-1.stillpoint.mcap"), "{}", run.stderr);
+    folder.say("annotate rec.mcap -o batch.mcap").ok();
+    assert!(folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
+    let kept = folder.read("out/rec.before-1.stillpoint.mcap");
+    assert!(mcap::Summary::read(&kept).unwrap().unwrap().stats.unwrap().message_count as usize == before.len());
+    assert!(before.len() > 20 && messages("out/rec.before-1.stillpoint.mcap") == before);
+    assert_eq!(std::fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
+}

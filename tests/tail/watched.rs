@@ -261,6 +261,45 @@ fn a_recording_that_is_recorded_anew_under_its_name_is_annotated_too() {
     assert!(strip("rec.annotated.mcap") == session(2)[..40_000]);
 }
 
+#[test]
+fn what_a_killed_service_had_learned_of_a_recording_outlives_the_next_one_of_its_name() {
+    let folder = Folder::new();
+    ["in", "out"].iter().for_each(|name| std::fs::create_dir(folder.path().join(name)).unwrap());
+    let whole = session(1);
+    folder.write("in/rec.mcap", &whole[..whole.len() * 2 / 3]);
+    let watch = || Running::start_logged(&folder, "watch in --out-dir out --interval 50ms --idle-timeout 60s", "log");
+    let running = watch();
+    let checkpoint = folder.path().join("out/rec.stillpoint.checkpoint");
+    wait_for("a checkpoint", || crate::following::length(&checkpoint) > 5000);
+    running.kill();
+    let kept = ["mcap", "checkpoint"].map(|ending| format!("out/rec.stillpoint.{ending}"));
+    let kept = kept.map(|name| (folder.read(&name), name));
+    let count = |name: &str| {
+        let summary = mcap::Summary::read(&folder.read(name)).unwrap().unwrap();
+        summary.stats.unwrap().message_count
+    };
+
+    folder.write("in/rec.mcap", &session(2));
+    let running = watch();
+    wait_for_results(&folder, &["rec.before-1.stillpoint.mcap", "rec.annotated.mcap"]);
+    wait_for("its end", || !checkpoint.exists());
+    running.kill();
+    assert!(count("out/rec.before-1.stillpoint.mcap") > 0);
+
+    // The same, but the recording in between had been annotated.
+    kept.iter().for_each(|(bytes, name)| folder.write(name, bytes));
+    folder.write("in/rec.mcap", &session(3));
+    let running = watch();
+    wait_for_results(&folder, &["rec.before-1.annotated.mcap", "rec.before-2.stillpoint.mcap", "rec.annotated.mcap"]);
+    wait_for("its end", || !checkpoint.exists());
+    running.kill();
+    assert_eq!(count("out/rec.before-2.stillpoint.mcap"), count("out/rec.before-1.stillpoint.mcap"));
+    for (n, name) in [(2, "rec.before-1.annotated.mcap"), (3, "rec.annotated.mcap")] {
+        folder.say(&format!("strip out/{name} -o original.mcap --force")).ok();
+        assert!(folder.read("original.mcap") == session(n), "{name}");
+    }
+}
+
 /// Waits until each of these is in the folder of results.
 fn wait_for_results(folder: &Folder, names: &[&str]) {
     for name in names {

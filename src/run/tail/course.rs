@@ -41,11 +41,22 @@ impl Course {
                 Some(growing) if state.length <= shell.appending.length() => {
                     return Self::resume(shell, trail, growing, *state, tell);
                 }
-                _ => tell(News::Trouble("the checkpoint is of another recording: starting anew")),
+                Some(_) => tell(News::Trouble("annotations that the checkpoint counts on are gone: starting anew")),
+                None => {
+                    tell(News::Trouble("the checkpoint is of another recording: starting anew"));
+                    shell.set_aside(Some(*state), tell)?;
+                }
             },
-            Found::Useless(why) => tell(News::Trouble(&format!("the checkpoint {why}: starting anew"))),
+            Found::Useless(why, state) => {
+                tell(News::Trouble(&format!("the checkpoint {why}: starting anew")));
+                let found = state.as_ref().map_or(Ok(None), |state| find(&trail, state))?;
+                if found.is_none() {
+                    shell.set_aside(state.map(|state| *state), tell)?;
+                }
+            }
             Found::Nothing => {}
         }
+        // What is there of this recording is found again.
         shell.appending.cut(0)?;
         let mut learner = Learner::new(shell.config);
         if let Some(name) = trail.name_of(first.path()) {

@@ -3,16 +3,17 @@
 
 use super::course::Course;
 use super::trail::Trail;
-use super::{Shell, Tailed};
+use super::{Shell, Tailed, set_aside};
 use crate::Error;
 use crate::annotate::Corrected;
 use crate::record::{Damage, Event, Piece, Sidecar};
+use crate::run::appending::Appending;
 use crate::run::batch::{self, Followed, Form, Options, Report};
 use crate::run::channels;
-use crate::run::checkpoint::Split;
+use crate::run::checkpoint::{Split, State};
 use crate::run::input::Input;
 use crate::run::learn::Learned;
-use crate::run::news::{Ending, Tell};
+use crate::run::news::{Ending, News, Tell};
 use crate::run::output::Written;
 use crate::run::recording::Recording;
 
@@ -114,14 +115,49 @@ impl Shell<'_> {
     /// Makes a recording of the sidecar, to stay.
     fn close(&mut self, sidecar: Option<Sidecar>, tell: Tell<'_>) -> Result<(), Error> {
         if let Some(sidecar) = sidecar {
-            for piece in sidecar.close() {
-                if let Piece::Bytes(bytes) = piece {
-                    self.appending.put(&bytes);
-                }
-            }
-            self.patiently(tell, |shell| shell.appending.flush())?;
+            self.complete(sidecar, tell)?;
         }
         self.checkpoint.remove()
+    }
+
+    fn complete(&mut self, sidecar: Sidecar, tell: Tell<'_>) -> Result<(), Error> {
+        for piece in sidecar.close() {
+            if let Piece::Bytes(bytes) = piece {
+                self.appending.put(&bytes);
+            }
+        }
+        self.patiently(tell, |shell| shell.appending.flush())
+    }
+
+    /// Keeps the annotations of a recording that is not the one to be followed, since nothing else may hold them any more.
+    pub(super) fn set_aside(&mut self, state: Option<State>, tell: Tell<'_>) -> Result<(), Error> {
+        if self.appending.length() == 0 {
+            return Ok(());
+        }
+        if let Some(State { sidecar: Some(mut sidecar), learner, blocks, length, .. }) = state
+            && length <= self.appending.length()
+        {
+            // Of later ones it knows nothing yet.
+            let (mut seen, mut later) = (0, Vec::new());
+            self.appending.blocks(learner.topics(), &|_| self.stop.check(), |block| {
+                seen += 1;
+                later.extend((seen > blocks).then(|| block.clone()));
+                Ok(())
+            })?;
+            self.appending.cut(length)?;
+            for block in &later {
+                let bytes = sidecar.block(learner.topics(), block);
+                self.appending.put(&bytes.map_err(|e| Error::input(self.appending.path(), e.to_string()))?);
+            }
+            self.complete(sidecar, tell)?;
+        }
+        let path = self.appending.path().to_owned();
+        let aside = set_aside(&path)?;
+        tell(News::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
+        // Last: the next run would take what has no checkpoint for somebody else's.
+        self.checkpoint.remove()?;
+        self.appending = Appending::open(&path)?;
+        Ok(())
     }
 }
 

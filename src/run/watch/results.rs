@@ -13,7 +13,7 @@ use crate::run::bag;
 use crate::run::input::Input;
 use crate::run::partial::Partial;
 use crate::run::recording::{Recording, Watch};
-use crate::run::tail::sidecar_of;
+use crate::run::tail::{checkpoint_of, set_aside, sidecar_of};
 
 /// The file that says why a recording is left alone.
 #[derive(Debug, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ impl Watching {
     /// What the outputs say of a recording.
     pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> State {
         let output = self.output(recording);
-        if sidecar_of(&output).with_extension("checkpoint").exists() {
+        if checkpoint_of(&sidecar_of(&output)).exists() {
             return State::Waiting;
         }
         // One that is younger than its result may be another one, of the same length.
@@ -89,35 +89,23 @@ impl Watching {
 }
 
 /// Sets aside what belongs to an earlier recording of the same name, one that went on after it had been given up, or one
-/// that was replaced.
+/// that was replaced. What was not brought to its end is left to the tail.
 pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Result<(), Error> {
-    let sidecar = sidecar_of(output);
-    if sidecar.with_extension("checkpoint").exists() {
-        return Ok(());
-    }
-    if std::fs::metadata(&sidecar).is_ok_and(|metadata| metadata.len() > 0) {
-        set_aside(&sidecar)?;
-    }
-    let Some(original) = original_length(output) else { return Ok(()) };
     let stamp =
         Stamp::of(recording).ok_or_else(|| Error::io("read", recording)(std::io::ErrorKind::NotFound.into()))?;
     let same = || Input::as_it_is(recording)?.is_same(&Input::as_it_is(output)?, watch);
-    if original != length(recording, &stamp) || !same()? {
-        set_aside(output)?;
+    match original_length(output) {
+        Some(original) if original != length(recording, &stamp) || !same()? => _ = set_aside(output)?,
+        Some(_) => return Ok(()),
+        None if output.exists() => return Ok(()),
+        None => {}
+    }
+    let sidecar = sidecar_of(output);
+    let is_whole = !checkpoint_of(&sidecar).exists() && std::fs::metadata(&sidecar).is_ok_and(|found| found.len() > 0);
+    if is_whole {
+        set_aside(&sidecar)?;
     }
     Ok(())
-}
-
-/// Gives a result another name, since its recording has lost its own.
-pub(super) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
-    let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
-    let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
-    let stem = name.strip_suffix(ending).unwrap_or(&name);
-    let mut names = (1_u32..).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
-    let aside = names.find(|path| !path.exists()).unwrap_or_default();
-    std::fs::rename(result, &aside).map_err(Error::io("rename", result))?;
-    Ok(aside)
 }
 
 /// Length of a recording, which may have been annotated before.

@@ -1,0 +1,30 @@
+//! What the files are called that belong to a result, and those of one that makes way for the next of its name. What
+//! stands in them is left to the callers.
+
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+
+/// Where the annotations stand while a recording is followed: beside the output.
+pub fn sidecar_of(output: &Path) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
+    output.with_file_name(format!("{stem}.stillpoint.mcap"))
+}
+
+/// Where it stands how far the following has come: beside the sidecar.
+pub(in crate::run) fn checkpoint_of(sidecar: &Path) -> PathBuf {
+    sidecar.with_extension("checkpoint")
+}
+
+/// Gives a result another name, since its recording has lost its own.
+pub(in crate::run) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
+    let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
+    let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
+    let stem = name.strip_suffix(ending).unwrap_or(&name);
+    let mut names = (1_u32..).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
+    let aside = names.find(|path| !path.exists()).unwrap_or_default();
+    std::fs::rename(result, &aside).map_err(Error::io("rename", result))?;
+    Ok(aside)
+}
