@@ -5,6 +5,7 @@ use std::fs::{File, Metadata};
 use std::io;
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use mcap::MAGIC;
 
@@ -16,6 +17,9 @@ const CLOSING: usize = 1 + 8 + 20 + 8;
 /// Bytes in front of a place by which a file is known again.
 const KNOWN: usize = 64;
 
+/// Clocks of file systems stand still for less than this.
+const TICK: Duration = Duration::from_millis(20);
+
 /// A file that may grow.
 #[derive(Debug)]
 pub(super) struct Growing {
@@ -24,6 +28,8 @@ pub(super) struct Growing {
     /// Device and inode.
     id: (u64, u64),
     length: u64,
+    /// When it was written to last; `None` if that is so short ago that more may be written at the same time.
+    written: Option<SystemTime>,
     /// A place that was read through, and the bytes in front of it, which do not change any more.
     known: (u64, Vec<u8>),
 }
@@ -32,6 +38,7 @@ pub(super) struct Growing {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
     Same,
+    /// There is more, or the length of what was open has been filled in.
     Grown,
     /// Its name is gone, or stands for another file. What had been written is still there.
     Unnamed(Ending),
@@ -50,8 +57,8 @@ impl Growing {
         if !metadata.is_file() {
             return Err(Error::input(path, "is not a regular file; name the file that is being recorded"));
         }
-        let (id, length) = (id(&metadata), metadata.len());
-        Ok((length > 0).then(|| Self { path: path.to_owned(), file, id, length, known: (0, Vec::new()) }))
+        let (id, length, written) = (id(&metadata), metadata.len(), written(&metadata));
+        Ok((length > 0).then(|| Self { path: path.to_owned(), file, id, length, written, known: (0, Vec::new()) }))
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -66,14 +73,15 @@ impl Growing {
         &self.file
     }
 
-    /// Whether it has grown, or what else became of it.
+    /// Whether it has grown, if only in what its bytes say, or what else became of it.
     pub(super) fn look(&mut self) -> Result<Look, Error> {
-        let length = self.file.metadata().map_err(Error::io("read", &self.path))?.len();
+        let metadata = self.file.metadata().map_err(Error::io("read", &self.path))?;
+        let (length, written) = (metadata.len(), written(&metadata));
         if length < self.length {
             return Ok(Look::Lost);
         }
-        if length > self.length {
-            self.length = length;
+        if length > self.length || self.written.is_none() || written != self.written {
+            (self.length, self.written) = (length, written);
             // It may have been cut off and written anew since.
             return Ok(if self.is_known() { Look::Grown } else { Look::Lost });
         }
@@ -130,6 +138,13 @@ impl Growing {
         let read = start.is_some_and(|start| self.read(&mut closing, start).unwrap_or(false));
         read && closing.starts_with(&[2, 20, 0, 0, 0, 0, 0, 0, 0]) && closing.ends_with(MAGIC)
     }
+}
+
+/// When a file was written to last, unless its next change could bear the same time.
+fn written(metadata: &Metadata) -> Option<SystemTime> {
+    let modified = metadata.modified().ok()?;
+    // A time in the future is that of another machine's clock.
+    (!modified.elapsed().is_ok_and(|age| age < TICK)).then_some(modified)
 }
 
 fn id(metadata: &Metadata) -> (u64, u64) {

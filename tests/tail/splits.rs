@@ -2,7 +2,8 @@
 
 use std::fs::File;
 use std::io::Write as _;
-use std::time::Duration;
+use std::os::unix::fs::FileExt as _;
+use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
 use stillpoint::config::Config;
@@ -82,4 +83,48 @@ fn batch(bytes: &[u8]) -> Option<Vec<u8>> {
     let output = folder.path().join("out.mcap");
     let done = run::annotate(&input, &[output], &Config::default(), Options::default(), &|_| Ok(()));
     done.ok().map(|_| folder.read("out.mcap"))
+}
+
+#[test]
+fn a_chunk_whose_length_is_filled_in_is_read_though_the_file_does_not_grow() {
+    let bytes = demo();
+    let (mut at, mut chunks) = (mcap::MAGIC.len(), Vec::new());
+    // Up to the end of the data.
+    while bytes[at] != 15 {
+        let end = at + 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+        chunks.extend((bytes[at] == 6).then_some((at, end)));
+        at = end;
+    }
+    let (chunk, end) = chunks[chunks.len() / 2];
+    let folder = Folder::new();
+    let (input, output) = (folder.path().join("rec.mcap"), folder.path().join("out.mcap"));
+    let open = [&bytes[..chunk + 1], &[0xFF; 8], &bytes[chunk + 9..end]].concat();
+    folder.write("rec.mcap", &open);
+    let file = File::options().write(true).open(&input).unwrap();
+    let mut closed: Option<Instant> = None;
+    let mut whole = false;
+    let mut tell = |news: News<'_>| match (news, closed) {
+        (News::Read(progress), None) if progress.read >= chunk as u64 => {
+            // It has been looked at as it is.
+            std::thread::sleep(Duration::from_millis(50));
+            file.write_all_at(&bytes[chunk + 1..chunk + 9], chunk as u64 + 1).unwrap();
+            closed = Some(Instant::now());
+        }
+        (News::Read(progress), Some(_)) if progress.read >= end as u64 && !whole => {
+            file.write_all_at(&bytes[end..], end as u64).unwrap();
+            whole = true;
+        }
+        (_, Some(closed)) => assert!(whole || closed.elapsed() < Duration::from_secs(30), "it is not read"),
+        _ => {}
+    };
+    let idle = Duration::from_secs(600);
+    let following = Following {
+        poll: Duration::from_millis(1),
+        idle,
+        patience: None,
+        keep_sidecar: false,
+        options: Options::default(),
+    };
+    run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell).unwrap();
+    assert!(Some(folder.read("out.mcap")) == batch(&bytes));
 }
