@@ -148,13 +148,13 @@ fn what_stillpoint_annotated_before_is_annotated_anew() {
     folder.refuses("tail other.mcap -q", 1, &["holds annotations alone"]);
 }
 
-#[test]
-fn a_full_disk_is_waited_for() {
-    let folder = Folder::with_demo();
-    // A file system of our own, small at first, that exists for this shell alone.
+/// Follows `rec.mcap` into a file system with room for so many kilobytes, some of them taken, until that is complained
+/// about. `None` where nobody may make one.
+fn on_a_small_disk(folder: &Folder, arguments: &str, kilobytes: usize, taken: usize) -> Option<String> {
+    // A file system of our own, that exists for this shell alone.
     let script = format!(
-        "mkdir out && mount -t tmpfs -o size=64k tmpfs out && head -c 60000 /dev/zero > out/filler || exit 77
-        {program} tail demo.mcap -o out/a.mcap 2> log & tail=$!
+        "mkdir out && mount -t tmpfs -o size={kilobytes}k tmpfs out && head -c {taken} /dev/zero > out/filler || exit 77
+        {program} tail rec.mcap -o out/a.mcap {arguments} 2> log & tail=$!
         for i in $(seq 200); do grep -q 'waiting for room' log && break; sleep 0.05; done
         rm out/filler; sleep 1; mount -o remount,size=64m out && wait $tail; code=$?
         ls out > names; cp out/a.mcap a.mcap; exit $code",
@@ -164,12 +164,30 @@ fn a_full_disk_is_waited_for() {
     let run = Command::new("unshare").args(command).current_dir(folder.path()).output().unwrap();
     if run.status.code() == Some(77) || String::from_utf8_lossy(&run.stderr).contains("unshare:") {
         eprintln!("skipped: this machine lets nobody mount a file system ({run:?})");
-        return;
+        return None;
     }
     let log = String::from_utf8(folder.read("log")).unwrap();
     assert!(run.status.success(), "{run:?} {log}");
-    assert!(log.contains("no space left") && log.contains("waiting for room"), "{log}");
-    assert_eq!(folder.read("names"), b"a.mcap\n");
-    folder.say("annotate demo.mcap -o batch.mcap").ok();
-    assert!(folder.read("a.mcap") == folder.read("batch.mcap"));
+    assert_eq!(folder.read("names"), b"a.mcap\n", "{log}");
+    Some(log)
+}
+
+#[test]
+fn a_full_disk_is_waited_for() {
+    let demo = Folder::with_demo().read("demo.mcap");
+    let damaged = [&demo[..100_000], &[demo[100_000] ^ 0x55], &demo[100_001..]].concat();
+    // While the annotations are written, and when these have room but the result has none.
+    for (recording, arguments, kilobytes, taken) in [
+        (&demo, "", 64, 60_000),
+        (&demo, "", 200, 0),
+        (&damaged, "--accept-damage", 200, 0),
+        (&demo, "--set output.corrected=final", 200, 0),
+    ] {
+        let folder = Folder::new();
+        folder.write("rec.mcap", recording);
+        let Some(log) = on_a_small_disk(&folder, arguments, kilobytes, taken) else { return };
+        assert!(log.contains("no space left") && log.contains("waiting for room"), "{log}");
+        folder.say(&format!("annotate rec.mcap -o batch.mcap {arguments}")).ok();
+        assert!(folder.read("a.mcap") == folder.read("batch.mcap"), "{arguments}");
+    }
 }

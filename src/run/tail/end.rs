@@ -1,6 +1,8 @@
 //! The end of a recording that was followed: the last annotations, the annotated recording, and no more of what belongs
 //! to a tail. How the recording is written is left to the [batch path](crate::run::batch).
 
+use std::path::Path;
+
 use super::course::Course;
 use super::trail::Trail;
 use super::{Shell, Tailed, set_aside};
@@ -52,11 +54,11 @@ impl Shell<'_> {
         };
         let splits: Vec<_> = done.into_iter().chain([here]).collect();
         let input = match remains {
-            Remains::Other(input) => return self.annotate(&input, ending),
+            Remains::Other(input) => return self.annotate(&input, ending, tell),
             // The batch run does not read everything, so that it may know of less damage; and what is corrected by the last
             // calibration is written by it alone.
             Remains::Same(input) if learned.damages > 0 || self.config.output.corrected == Corrected::Final => {
-                return self.annotate(&input, ending);
+                return self.annotate(&input, ending, tell);
             }
             Remains::Same(input) => Some(input),
             Remains::Nothing => None,
@@ -80,19 +82,21 @@ impl Shell<'_> {
     }
 
     /// Leaves the whole recording to the batch path.
-    fn annotate(&mut self, input: &Input, ending: Ending) -> Result<Tailed, Error> {
+    fn annotate(&mut self, input: &Input, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
         let options = self.following.options;
-        let watch = |_| self.stop.check();
-        let (report, written) =
-            batch::annotate(input, std::slice::from_ref(&self.output), self.config, options, &watch)?;
+        let (report, written) = self.patiently(tell, |shell| shell.leave_to_batch(input, &shell.output, options))?;
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
-            batch::annotate(input, &[self.appending.path().to_owned()], self.config, options, &watch)?;
+            self.patiently(tell, |shell| shell.leave_to_batch(input, shell.appending.path(), options))?;
             self.checkpoint.remove()?;
         } else {
             self.tidy()?;
         }
         Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
+    }
+
+    fn leave_to_batch(&self, input: &Input, output: &Path, options: Options) -> Result<(Report, Written), Error> {
+        batch::annotate(input, &[output.to_owned()], self.config, options, &|_| self.stop.check())
     }
 
     /// Writes the annotated recording as the batch path does.
