@@ -31,6 +31,9 @@ use crate::config::Config;
 /// Between two attempts at what is in the way.
 const RETRY: Duration = Duration::from_millis(500);
 
+/// Who asks to stop waits no longer than this.
+const NAP: Duration = Duration::from_millis(50);
+
 /// How to follow.
 #[derive(Clone, Debug)]
 pub struct Following {
@@ -124,6 +127,10 @@ impl Shell<'_> {
 
     /// The output exists: it must be the result of the recording as it is.
     fn already(&mut self, input: &Path) -> Result<Tailed, Error> {
+        if Trail::of(input).next(&[])?.is_none() {
+            // Whatever it will be, this is not its result.
+            return Err(Error::Exists(self.output.clone()));
+        }
         let recording = Input::as_it_is(input)?;
         let (report, written) = batch::annotate(
             &recording,
@@ -194,9 +201,15 @@ impl Shell<'_> {
     }
 
     fn pause(&self, time: Duration) -> Result<(), Error> {
-        self.stop.check()?;
-        std::thread::sleep(time);
-        self.stop.check()
+        let until = Instant::now() + time;
+        loop {
+            self.stop.check()?;
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(());
+            }
+            std::thread::sleep(left.min(NAP));
+        }
     }
 
     fn tidy(&mut self) -> Result<(), Error> {

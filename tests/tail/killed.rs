@@ -218,3 +218,14 @@ fn what_was_learned_of_a_recording_outlives_another_one_under_its_name() {
     assert!(before.len() > 20 && messages("out/rec.before-1.stillpoint.mcap") == before);
     assert_eq!(std::fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
 }
+
+#[test]
+fn a_tail_that_looks_seldom_is_stopped_at_once() {
+    let folder = Folder::new();
+    let tail = Running::start(&folder, "tail rec.mcap --poll 10m");
+    wait_for("the sidecar", || folder.path().join("rec.stillpoint.mcap").exists());
+    let began = std::time::Instant::now();
+    std::process::Command::new("kill").args(["-INT", &tail.id().to_string()]).status().unwrap();
+    assert_eq!(tail.finish().code, 130);
+    assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
+}

@@ -113,8 +113,17 @@ fn what_is_no_recording_is_refused_and_leaves_nothing_behind() {
         &["no usable IMU topic"],
     );
     folder.say("tail demo.mcap --set imu=[{topic='/imu/data_raw',accel='nothing'}] --allow-no-imu").ok();
+}
+
+#[test]
+fn an_output_that_is_somebody_elses_is_refused_whether_its_recording_is_there_or_not() {
+    let folder = Folder::with_demo();
     folder.write("other.annotated.mcap", b"somebody's");
-    folder.refuses("tail other.mcap -q -o other.annotated.mcap", 1, &["other.mcap"]);
+    for input in ["demo.mcap", "not_there_yet.mcap", "empty.mcap"] {
+        folder.write("empty.mcap", b"");
+        let line = format!("tail {input} -q -o other.annotated.mcap");
+        folder.refuses(&line, 1, &["other.annotated.mcap: exists and is not the result"]);
+    }
 }
 
 #[test]
