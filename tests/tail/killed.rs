@@ -220,6 +220,17 @@ fn what_was_learned_of_a_recording_outlives_another_one_under_its_name() {
 }
 
 #[test]
+fn a_folder_does_not_go_on_where_a_file_with_results_of_its_name_was() {
+    let folder = Folder::new();
+    killed(&folder);
+    Session::six_faces().record_bag(&folder.path().join("bag"), 2, Style::default(), f64::INFINITY);
+    let run = folder.say("tail bag -o out/rec.annotated").ok();
+    assert!(run.stderr.contains("stays as out/rec.before-1.stillpoint.mcap"), "{}", run.stderr);
+    folder.say("annotate bag -o batch").ok();
+    crate::common::same_folders(&folder.path().join("out/rec.annotated"), &folder.path().join("batch"));
+}
+
+#[test]
 fn a_tail_that_looks_seldom_is_stopped_at_once() {
     let folder = Folder::new();
     let tail = Running::start(&folder, "tail rec.mcap --poll 10m");

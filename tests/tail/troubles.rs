@@ -127,6 +127,18 @@ fn an_output_that_is_somebody_elses_is_refused_whether_its_recording_is_there_or
 }
 
 #[test]
+fn outputs_whose_names_have_other_endings_share_no_sidecar() {
+    let folder = Folder::with_demo();
+    let mut expected = vec!["demo.mcap".to_owned()];
+    for (output, stem) in [("run.1", "run.1"), ("run.2", "run.2"), ("live.annotated.mcap", "live"), ("on.mcap", "on")] {
+        folder.say(&format!("tail demo.mcap --keep-sidecar -o {output}")).ok();
+        expected.extend([output.to_owned(), format!("{stem}.stillpoint.mcap")]);
+    }
+    expected.sort();
+    assert_eq!(folder.names(), expected);
+}
+
+#[test]
 fn a_second_tail_of_the_same_recording_is_refused() {
     let folder = Folder::new();
     let first = Running::start(&folder, "tail rec.mcap");

@@ -300,6 +300,24 @@ fn what_a_killed_service_had_learned_of_a_recording_outlives_the_next_one_of_its
     }
 }
 
+#[test]
+fn a_recording_that_is_touched_keeps_its_sidecar() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    folder.write("in/rec.mcap", &session(1));
+    let line = "watch in --out-dir out --interval 50ms --idle-timeout 1s --keep-sidecar";
+    let running = Running::start_logged(&folder, line, "log");
+    wait_for("the first", || logged(&folder).contains("annotated:"));
+    let file = std::fs::File::options().write(true).open(folder.path().join("in/rec.mcap")).unwrap();
+    file.set_modified(std::time::SystemTime::now()).unwrap();
+    wait_for("the comparison", || logged(&folder).matches("annotated:").count() == 2);
+    running.kill();
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder.path().join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["rec.annotated.mcap", "rec.stillpoint.mcap"]);
+}
+
 /// Waits until each of these is in the folder of results.
 fn wait_for_results(folder: &Folder, names: &[&str]) {
     for name in names {

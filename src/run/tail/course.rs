@@ -151,6 +151,10 @@ impl Course {
 
 /// The file that a killed run was reading, if all that it had read is still there.
 fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
+    // A folder and a file beside it may have results of the same stem.
+    if trail.has_names() == state.name.is_empty() {
+        return Ok(None);
+    }
     for split in &state.done {
         let same = |mut file: Growing| file.length() == split.length && file.recognise(&split.known);
         if !trail.again(&split.name)?.is_some_and(same) {

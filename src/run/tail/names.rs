@@ -7,8 +7,10 @@ use crate::Error;
 
 /// Where the annotations stand while a recording is followed: beside the output.
 pub fn sidecar_of(output: &Path) -> PathBuf {
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    // Nothing else, so that two outputs share no sidecar.
+    let stem = [".annotated.mcap", ".mcap", ".annotated"].iter().find_map(|ending| name.strip_suffix(ending));
+    let stem = stem.unwrap_or(&name);
     output.with_file_name(format!("{stem}.stillpoint.mcap"))
 }
 

@@ -28,10 +28,15 @@ impl Trail {
         }
     }
 
+    /// Whether there may be several files, which have names in it.
+    pub(super) fn has_names(&self) -> bool {
+        matches!(self, Self::Folder(_))
+    }
+
     /// What a file of the recording is called in it; `None` where there is but one.
     pub(super) fn name_of(&self, file: &Path) -> Option<String> {
         let name = |file: &Path| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        matches!(self, Self::Folder(_)).then(|| name(file))
+        self.has_names().then(|| name(file))
     }
 
     /// The file that comes behind those, if it has begun.
