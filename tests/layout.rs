@@ -125,6 +125,8 @@ fn every_panel_is_placed_once_and_shows_what_the_recording_holds() {
         }
     }
     folder.say("config layout demo.mcap -o layout.json").ok();
+    folder.say("config layout demo.mcap -o layout.json").ok();
+    folder.write("layout.json", b"{}");
     folder.refuses("config layout demo.mcap -o layout.json", 1, &["exists"]);
     folder.write("empty.mcap", b"");
     folder.refuses("config layout empty.mcap", 1, &["empty.mcap"]);
