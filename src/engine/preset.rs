@@ -2,7 +2,7 @@
 //! otherwise stays.
 
 use super::Config;
-use crate::fit::{self, Bounds};
+use crate::fit::{self, Bound, Bounds};
 use crate::imu::{Preset, Promise};
 use crate::still;
 
@@ -15,20 +15,14 @@ impl Config {
         let sheet = preset.datasheet();
         let (still, bounds) = (still::Config::default(), Bounds::default());
         let Promise { noise, bias, scale, placement, .. } = sheet.accelerometer;
-        set(&mut self.still.accel_ceiling, still.accel_ceiling, BENCH * noise);
-        set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, [-bias, bias].into());
-        if let Some(scale) = scale {
-            set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.into());
-        }
-        if let Some(placement) = placement {
-            set(&mut self.fit.placement_std, fit::Config::default().placement_std, placement);
-        }
+        set(&mut self.still.accel_ceiling, still.accel_ceiling, noise.map(|noise| BENCH * noise));
+        set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, bias.map(either_way));
+        set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.map(Bound::from));
+        set(&mut self.fit.placement_std, fit::Config::default().placement_std, placement);
         if let Some(Promise { noise, bias, scale, .. }) = sheet.gyroscope {
-            set(&mut self.still.gyro_ceiling, still.gyro_ceiling, BENCH * noise);
-            set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, [-bias, bias].into());
-            if let Some(scale) = scale {
-                set(&mut self.fit.bounds.gyro_scale, bounds.gyro_scale, scale.into());
-            }
+            set(&mut self.still.gyro_ceiling, still.gyro_ceiling, noise.map(|noise| BENCH * noise));
+            set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, bias.map(either_way));
+            set(&mut self.fit.bounds.gyro_scale, bounds.gyro_scale, scale.map(Bound::from));
         }
         self.preset = Some(preset);
         self
@@ -39,15 +33,18 @@ impl Config {
 pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
     let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
     let default = Bounds::default();
-    set(&mut bounds.secondary_bias, default.secondary_bias, [-bias, bias].into());
-    if let Some(scale) = scale {
-        set(&mut bounds.secondary_scale, default.secondary_scale, scale.into());
-    }
+    set(&mut bounds.secondary_bias, default.secondary_bias, bias.map(either_way));
+    set(&mut bounds.secondary_scale, default.secondary_scale, scale.map(Bound::from));
     bounds
 }
 
-fn set<T: PartialEq>(value: &mut T, default: T, promised: T) {
-    if *value == default {
+fn either_way(limit: f64) -> Bound {
+    [-limit, limit].into()
+}
+
+/// What is promised replaces a default.
+fn set<T: PartialEq>(value: &mut T, default: T, promised: Option<T>) {
+    if let Some(promised) = promised.filter(|_| *value == default) {
         *value = promised;
     }
 }
