@@ -11,7 +11,8 @@ use crate::Stamp;
 use crate::fit::accelerometer::Observation;
 use crate::fit::secondary::Pair;
 use crate::fit::{self, Calibration, Reading, Truth};
-use crate::still::TriadMean;
+use crate::imu::Sensor;
+use crate::still::{Segmenter, TriadMean};
 
 /// What the primary accelerometer read on one placement.
 #[derive(Clone, Copy, Debug)]
@@ -94,11 +95,39 @@ pub(super) fn pairs(entries: &[Entry], config: &fit::Config, secondary: usize) -
     groups.into_iter().map(pair).collect()
 }
 
-/// What the gyroscope read during each placement that is no turn, beside the specific force as far as it is known.
-pub(super) fn rates(entries: &[Entry], config: &fit::Config, accelerometer: Option<&Calibration>) -> Vec<Reading> {
+/// Whether a rest tells what the gyroscope reads at rest.
+pub(super) fn tells_of_rates(entry: &Entry, noise: f64) -> bool {
+    entry.verdict.is_at_rest() && entry.rest.gyroscope.is_some() && relaxed(entry, noise).is_none()
+}
+
+/// The mean rates at the ends of a rest in which the gyroscope went to zero, rad/s: a motion ended slowly, or an estimator
+/// beside it takes its bias away. What it read in between is neither.
+pub(super) fn relaxed(entry: &Entry, noise: f64) -> Option<(f64, f64)> {
+    /// Rates below this are no bias worth an estimator, rad/s.
+    const LEAST: f64 = 1e-3;
+    /// Fewest samples in a window.
+    const WINDOW: f64 = 20.0;
+    let least = LEAST.max(6.0 * noise * (3.0 / WINDOW).sqrt());
+    let [first, last] = entry.rest.gyroscope.as_ref()?.ends.map(|mean| mean.norm());
+    (first - last > least && last < 0.35 * first).then_some((first, last))
+}
+
+/// Of one sample of an axis, rad/s; zero before it is known.
+pub(super) fn gyroscope_noise(segmenter: &Segmenter) -> f64 {
+    segmenter.signal(Sensor::Gyroscope).and_then(|signal| signal.noise).unwrap_or(0.0)
+}
+
+/// What the gyroscope, whose axes have so much noise, read during each placement that tells of it, beside the specific
+/// force as far as it is known.
+pub(super) fn rates(
+    entries: &[Entry],
+    noise: f64,
+    config: &fit::Config,
+    accelerometer: Option<&Calibration>,
+) -> Vec<Reading> {
     let ageing = Ageing::new(entries, config.half_life_s);
     let mut groups: BTreeMap<u32, Both> = BTreeMap::new();
-    for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
+    for entry in entries.iter().filter(|entry| tells_of_rates(entry, noise)) {
         if let Some(gyroscope) = &entry.rest.gyroscope {
             let (rates, forces, end) = groups.entry(entry.rest.placement).or_default();
             rates.push(gyroscope);

@@ -179,7 +179,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let notes = remarks(solution, Sensor::Gyroscope);
     let Some(fit) = &solution.gyroscope else {
         let silent = solution.placements > 0 && !config.gyroscope.is_empty();
-        let note = words::no_rates(solution.gyro_placements);
+        let note = words::no_rates(solution.gyro_placements, solution.gyro_relaxed);
         let note = silent.then_some(note).filter(|_| notes.is_empty());
         return Triad { notes: notes.into_iter().chain(note).collect(), ..named };
     };

@@ -40,6 +40,8 @@ pub(super) struct Solution {
     pub(super) coarse_step: Option<f64>,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
+    /// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s, if there was one.
+    pub(super) gyro_relaxed: Option<(f64, f64)>,
     /// The accelerometer's calibration as it was guessed before anything was fitted.
     pub(super) guessed: Calibration,
     /// What speaks against the readings.
@@ -154,11 +156,12 @@ fn others(
     });
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
-    let mut rates = observe::rates(entries, config, calibration.as_ref());
+    let noise = observe::gyroscope_noise(judge.segmenter);
+    let mut rates = observe::rates(entries, noise, config, calibration.as_ref());
     if let Some(place) = known.gravity.place {
         rates.iter_mut().for_each(|reading| turn_with_the_earth(reading, &place));
     }
-    let at_rest = entries.iter().filter(|entry| entry.verdict.is_at_rest());
+    let at_rest = entries.iter().filter(|entry| observe::tells_of_rates(entry, noise));
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
     let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
@@ -185,6 +188,10 @@ fn others(
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
         drift,
         gyro_placements: rates.len(),
+        gyro_relaxed: entries
+            .iter()
+            .filter(|entry| entry.verdict.is_at_rest())
+            .find_map(|entry| observe::relaxed(entry, noise)),
         gyroscope: rich.or_else(|| gyroscope(Shape::BIAS).ok().filter(|_| believed)),
         secondary,
         guessed: Calibration::default(),

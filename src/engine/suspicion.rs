@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::book::Entry;
+use super::observe;
 use super::solve::Solution;
 use super::turn::{Axes, Hypothesis, Turns};
 use super::words;
@@ -76,7 +77,7 @@ pub(super) fn examine(
     let degrees = degrees.map(|signal| of_gyroscope(Cause::Degrees, words::too_fast(signal.extremes.peak())));
     let dead = gyroscope.and_then(|signal| dead_axis(&signal));
     let dead = dead.map(|axis| of_gyroscope(Cause::Dead, words::dead_gyroscope(axis)));
-    let relaxing = relaxing(entries, gyroscope.and_then(|signal| signal.noise).unwrap_or(0.0));
+    let relaxing = relaxing(entries, observe::gyroscope_noise(segmenter));
     let relaxing = relaxing.map(|(from, to)| of_gyroscope(Cause::Relaxing, words::relaxing(from, to)));
     let axes = match turns.verdict(|force| calibration.correct(force)) {
         Axes::Unknown | Axes::Agree => None,
@@ -151,27 +152,19 @@ fn repeated_share(signal: &Signal) -> Option<f64> {
 
 /// An axis that never changed while another moved.
 fn dead_axis(signal: &Signal) -> Option<&'static str> {
-    const ENOUGH: u64 = 200;
+    const ENOUGH: u64 = 100;
     let span = (signal.extremes.high - signal.extremes.low).max();
     let alive = signal.readings > ENOUGH && signal.step.is_some_and(|step| span > 10.0 * step);
     let axes = ["x", "y", "z"].into_iter().enumerate();
     axes.filter(|(i, _)| alive && signal.extremes.is_constant(*i)).map(|(_, axis)| axis).next()
 }
 
-/// The mean rates at the ends of a rest in which the gyroscope went to zero, rad/s: an estimator that runs beside it
-/// takes its bias away while it rests. A single short one may be a motion that ended slowly.
+/// The mean rates at the ends of a rest in which the gyroscope went to zero, if that is no single motion that ended slowly:
+/// an estimator that runs beside it takes its bias away while it rests.
 fn relaxing(entries: &[Entry], noise: f64) -> Option<(f64, f64)> {
-    /// Rates below this are no bias worth an estimator, rad/s.
-    const LEAST: f64 = 1e-3;
-    /// Fewest samples in a window.
-    const WINDOW: f64 = 20.0;
     const LONG: f64 = 10.0;
-    let least = LEAST.max(6.0 * noise * (3.0 / WINDOW).sqrt());
-    let ends = |entry: &Entry| {
-        let [first, last] = entry.rest.gyroscope.as_ref()?.ends.map(|mean| mean.norm());
-        (entry.verdict.is_at_rest() && first - last > least && last < 0.35 * first).then_some((first, last))
-    };
-    let relaxed: Vec<_> = entries.iter().filter_map(|entry| Some((ends(entry)?, entry.seconds))).collect();
+    let relaxed = entries.iter().filter(|entry| entry.verdict.is_at_rest());
+    let relaxed: Vec<_> = relaxed.filter_map(|entry| Some((observe::relaxed(entry, noise)?, entry.seconds))).collect();
     let seconds: f64 = relaxed.iter().map(|(_, seconds)| seconds).sum();
     let (ends, _) = relaxed.first()?;
     (relaxed.len() > 1 || seconds > LONG).then_some(*ends)

@@ -169,13 +169,16 @@ pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
     format!("the driver changed its own calibration of the {name}: what it read before no longer counts; {advice}")
 }
 
-/// Why a gyroscope has no bias yet, given how many placements it was read in.
-pub(super) fn no_rates(placements: usize) -> String {
-    match placements {
-        0 => "was silent during every rest: check its topic and its time stamps",
-        _ => "the rests so far are too short together to tell its bias from a slow turn: let it rest longer",
+/// Why a gyroscope has no bias yet, given how many placements it was read in, and how it relaxed in one, if it did.
+pub(super) fn no_rates(placements: usize, relaxed: Option<(f64, f64)>) -> String {
+    match (placements, relaxed) {
+        (0, Some((from, to))) => format!(
+            "its mean went from {from:.4} to {to:.4} rad/s while it rested: a motion that ended slowly, or an estimator in the \
+             driver that removes the bias. Let it rest once more"
+        ),
+        (0, None) => "was silent during every rest: check its topic and its time stamps".to_owned(),
+        _ => "the rests so far are too short together to tell its bias from a slow turn: let it rest longer".to_owned(),
     }
-    .to_owned()
 }
 
 /// Readings that are published twice.

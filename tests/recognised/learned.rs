@@ -78,11 +78,7 @@ impl Learned {
             })
             .collect();
         let determined = |published: &&&messages::Triad| published.status() != Status::Undetermined;
-        let determined: Vec<_> = match (fate, triad) {
-            // A gyroscope's bias comes of one rest, and may have to be taken back when the next shows a fault.
-            (Fate::Refused, Triad::Gyroscope) => published.last().into_iter().filter(|last| determined(last)).collect(),
-            _ => published.iter().filter(determined).collect(),
-        };
+        let determined: Vec<_> = published.iter().filter(determined).collect();
         match fate {
             Fate::Refused if determined.is_empty() => Ok(()),
             Fate::Refused => Err(format!("{triad:?} is published: {:#?}", determined.last())),
