@@ -129,7 +129,7 @@ fn expected_by_the_others(seen: &[Observation], shape: Shape, gravity: f64) -> (
         let by_parameters = fit.shape.jacobian(&truth).tr_mul(&by_measured);
         let unmodelled: f64 =
             fit.shape.unmodelled().map(|term| (by_measured[term.axis()] * term.regressor(&truth)).powi(2)).sum();
-        let [_, between] = fit.origin.as_ref().unwrap().between;
+        let [_, between, _] = fit.origin.as_ref().unwrap().between;
         let variance = by_parameters.dot(&(&fit.covariance * &by_parameters))
             + unmodelled * fit.unmodelled_std.powi(2)
             + by_measured.component_mul(&by_measured).dot(&held.noise.add_scalar(between));

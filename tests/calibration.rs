@@ -555,8 +555,11 @@ fn what_was_read_before_a_driver_calibrates_by_itself_no_longer_counts() {
             _ => assert_eq!(learned.segments().iter().filter(|segment| segment.accepted).count(), 13),
         }
         if sensor == Sensor::Gyroscope {
-            let silent = |c: &&&messages::Calibration| c.gyroscope.clone().unwrap().status() == Status::Undetermined;
-            assert_eq!(learned.calibrations().iter().filter(silent).count(), 1);
+            let statuses: Vec<_> =
+                learned.calibrations().iter().map(|c| c.gyroscope.clone().unwrap().status()).collect();
+            let silent = statuses.iter().filter(|status| **status == Status::Undetermined).count();
+            // As often as the accelerometer has news before the gyroscope has rested long enough again.
+            assert!((1..=2).contains(&silent) && statuses.last() != Some(&Status::Undetermined), "{statuses:?}");
         }
     }
 }

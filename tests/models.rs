@@ -161,9 +161,9 @@ fn an_accurate_fixture_determines_all_of_the_sensitivity() {
         assert!((vector(&accelerometer.bias) - crossed().bias).amax() < 0.004);
         let errors = matrix(&accelerometer.sensitivity) - crossed().sensitivity;
         assert!(errors.amax() < 5e-4, "{errors}");
-        // A face that is off by 0.05° is in the bars of what is across, however often it is placed.
+        // A face that is off by 0.05° is in the bars of what is across, however often it is placed: 3.6e-4 by twelve.
         let stds = matrix(&accelerometer.sensitivity_std);
-        assert!(stds.min() > 1e-4 && stds[(0, 1)] > 4e-4 && stds.max() < 2e-3, "{stds}");
+        assert!(stds.min() > 1e-4 && stds[(0, 1)] > 3.6e-4 && stds.max() < 2e-3, "{stds}");
         let gyroscope = learned.calibration.unwrap().gyroscope.unwrap();
         assert_eq!(gyroscope.model(), triad::Model::CrossAxis);
         assert_eq!((gyroscope.g_sensitivity.len(), gyroscope.g2_sensitivity.len()), (9, 3));

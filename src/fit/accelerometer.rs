@@ -16,7 +16,7 @@ use super::estimate::{Estimate, Origin};
 use super::gravity::Gravity;
 use super::lsqlin;
 use super::scatter::Assumed;
-use super::shape::{Shape, Truth};
+use super::shape::{Shape, Term, Truth};
 use super::system::{Solved, System, limits};
 
 /// What one placement read.
@@ -93,7 +93,7 @@ fn on_fixture(
     between: f64,
     tilts: Option<&Calibration>,
 ) -> Result<Stage, lsqlin::Error> {
-    let mut system = System::new(given.shape);
+    let mut system = System::leaking(given.shape, given.assumed().leak);
     for seen in observations {
         let truth = seen.normal * given.gravity.value;
         let felt = tilts.map_or(truth, |calibration| calibration.correct(&seen.mean));
@@ -105,11 +105,25 @@ fn on_fixture(
     Ok(Stage { calibration: given.shape.calibration(&solved.solution.x), solved })
 }
 
-/// Gauss–Newton on ‖S⁻¹(m − b)‖ = g, every step a bounded least squares.
+/// Refinement on ‖S⁻¹(m − b)‖ = g. Where bounds leave over what no cross-axis sensitivity explains, none is sought.
 fn on_magnitude(
     observations: &[Observation],
     given: &Assumptions<'_>,
     between: f64,
+    start: Calibration,
+) -> Result<Stage, lsqlin::Error> {
+    match gauss_newton(observations, given, between, given.assumed().leak, start) {
+        Err(lsqlin::Error::NotConverged) => gauss_newton(observations, given, between, 0.0, start),
+        found => found,
+    }
+}
+
+/// Gauss–Newton, every step a bounded least squares.
+fn gauss_newton(
+    observations: &[Observation],
+    given: &Assumptions<'_>,
+    between: f64,
+    leak: f64,
     start: Calibration,
 ) -> Result<Stage, lsqlin::Error> {
     const STEPS: usize = 20;
@@ -118,7 +132,7 @@ fn on_magnitude(
     let (low, high) = limits(given.shape, |term| given.bounds.accelerometer(term));
     let mut calibration = start;
     for _ in 0..STEPS {
-        let mut system = System::new(given.shape);
+        let mut system = System::leaking(given.shape, leak);
         for seen in observations {
             let Line { residual, by_measured, truth, noise } = Line::of(seen, given, &calibration);
             system.push(&-by_measured, &truth, -residual, noise, between);
@@ -163,17 +177,17 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars,
     let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
     let gain = stage.solved.gain();
-    let by_gravity = by_gravity(given, &stage.calibration);
+    let beside = by_gravity(given, &stage.calibration) + by_columns(given, &stage.calibration, bars.leak_rms);
     let numbers = observations.iter().map(|seen| seen.placement);
     let origin = Origin {
-        systematic: bars.leakage(&stage.solved, &gain) + &by_gravity,
+        systematic: bars.leakage(&stage.solved, &gain) + &beside,
         influence: numbers.zip(stage.solved.influence(&gain)).collect(),
         between: bars.between_placements(),
     };
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
-        covariance: bars.covariance(given.shape, &stage.solved, &by_gravity),
+        covariance: bars.covariance(given.shape, &stage.solved, &beside.into()),
         unmodelled_std: bars.leak_rms,
         inherited_std: 0.0,
         residual_rms: (squares / weights).sqrt(),
@@ -192,6 +206,22 @@ fn by_gravity(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64
     let mut by_gravity = given.shape.vector(calibration) / given.gravity.value;
     by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
     &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2)
+}
+
+/// What leaves the length of a reading and no tilt shows: not the diagonal of S it tells, but how long its columns are, which
+/// entries of ± `leak` off the diagonal make longer by half their squares.
+fn by_columns(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> DMatrix<f64> {
+    let unknowns = given.shape.unknowns();
+    let mut by_columns = DMatrix::zeros(unknowns, unknowns);
+    if given.estimator == Estimator::Magnitude && given.shape.unmodelled().next().is_some() {
+        for (i, term) in given.shape.terms().iter().enumerate() {
+            if let Term::Own(axis, column) = *term {
+                // Half the sum of two squares of normal numbers has a mean of one, and a variance of one.
+                by_columns[(i, i)] = 2.0 * leak.powi(4) * calibration.sensitivity[(axis, column)].powi(2);
+            }
+        }
+    }
+    by_columns
 }
 
 impl Assumptions<'_> {

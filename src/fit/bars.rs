@@ -1,7 +1,7 @@
 //! How well the unknowns of a fit are known: placements, noise, what the model has no word for, and whatever else the
 //! fit depends on, in one covariance. What placements scatter by is left to [`Scatter`].
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::scatter::{Assumed, Scatter};
 use super::shape::{Shape, Term};
@@ -29,8 +29,25 @@ pub struct Bars {
     pub leak_rms: f64,
 }
 
-/// A leak so many standard deviations large is none: the model is wrong.
-const CREDIBLE: f64 = 4.0;
+/// What does not come from the equations.
+#[derive(Clone, Debug)]
+pub struct Other {
+    /// Covariance of the unknowns by it.
+    pub covariance: DMatrix<f64>,
+    /// Variances that the variances in it were estimated with.
+    pub spread: DVector<f64>,
+}
+
+impl From<DMatrix<f64>> for Other {
+    /// Nothing of it was estimated.
+    fn from(covariance: DMatrix<f64>) -> Self {
+        Self { spread: DVector::zeros(covariance.nrows()), covariance }
+    }
+}
+
+/// A leak so many standard deviations large is none: the model is wrong. Of sensors whose six entries are as assumed, one
+/// in three hundred thousand is taken for such.
+const CREDIBLE: f64 = 5.0;
 
 impl Bars {
     /// Learns from a solution; its weights do not matter.
@@ -88,10 +105,11 @@ impl Bars {
         self.scatter.iter().map(|scatter| scatter.typical().sqrt()).collect()
     }
 
-    /// Variance between placements: likeliest, and such that 1.96 of its roots bound 95 %.
-    pub fn between_placements(&self) -> [f64; 2] {
+    /// Variance between placements: likeliest, and such that 1.96 of its roots bound 95 %; and the variance of an estimate
+    /// of it.
+    pub fn between_placements(&self) -> [f64; 3] {
         let scatter = self.of_axis(0);
-        [scatter.typical(), scatter.most()]
+        [scatter.typical(), scatter.most(), scatter.spread()]
     }
 
     /// What unmodelled leaks do to the unknowns, which are the same at every placement, so that no repetition averages
@@ -103,19 +121,19 @@ impl Bars {
 
     /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability of
     /// 95 %: Student's quantile is in it. `other` is what does not come from the equations.
-    pub fn covariance(&self, shape: Shape, solved: &Solved, other: &DMatrix<f64>) -> DMatrix<f64> {
+    pub fn covariance(&self, shape: Shape, solved: &Solved, other: &Other) -> DMatrix<f64> {
         let gain = solved.gain();
-        let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + other;
+        let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + &other.covariance;
         let placements = solved.spread(&gain, Row::gain);
         let mut covariance = known.clone();
         let mut stretch = Vec::new();
         for (i, term) in shape.terms().iter().enumerate() {
             let scatter = self.of(*term);
-            for (j, other) in shape.terms().iter().enumerate() {
-                let typical = (scatter.typical() * self.of(*other).typical()).sqrt();
+            for (j, second) in shape.terms().iter().enumerate() {
+                let typical = (scatter.typical() * self.of(*second).typical()).sqrt();
                 covariance[(i, j)] += typical * placements[(i, j)];
             }
-            let std = scatter.std(placements[(i, i)], known[(i, i)]);
+            let std = scatter.std(placements[(i, i)], known[(i, i)], other.spread[i]);
             stretch.push(if covariance[(i, i)] > 0.0 { std / covariance[(i, i)].sqrt() } else { 1.0 });
         }
         DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| covariance[(i, j)] * stretch[i] * stretch[j])

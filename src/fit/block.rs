@@ -34,6 +34,8 @@ pub(super) struct Left {
     pub(super) squares: f64,
     /// As many are to be expected.
     pub(super) freedom: f64,
+    /// They say as much of the scatter as so many whole ones: an equation that leaks may explain still tells a part of it.
+    pub(super) telling: f64,
 }
 
 impl Block {
@@ -101,13 +103,17 @@ impl Block {
         });
         let squares = squares.sum();
         // Every unknown takes a degree of freedom; a leak as much of one as the data tell of it.
-        let mut freedom = self.residuals.len() as f64 - unknowns as f64;
+        let whole = self.residuals.len() as f64 - unknowns as f64;
+        let (mut freedom, mut parts) = (whole, whole);
         if leaks > 0 {
             let inverse = factor.inverse();
             let unsaid = |k: usize| inverse[(k, k)] / (scale[k] * scale[k] * leak * leak);
             freedom -= (unknowns..size).map(|k| 1.0 - unsaid(k)).sum::<f64>();
+            parts -= (unknowns..size).map(|k| 1.0 - unsaid(k).powi(2)).sum::<f64>();
         }
-        Some(Left { squares, freedom })
+        // Of squares that count in part the sum varies less (Satterthwaite 1946).
+        let telling = if freedom > 0.0 { (freedom * freedom / parts).clamp(freedom, whole.max(freedom)) } else { 0.0 };
+        Some(Left { squares, freedom, telling })
     }
 }
 

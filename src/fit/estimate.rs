@@ -45,8 +45,9 @@ pub struct Origin {
     pub systematic: DMatrix<f64>,
     /// How the parameters move with the mean of a placement, by its number: unknowns × 3.
     pub influence: Vec<(u32, MatrixXx3<f64>)>,
-    /// Variance between placements, per axis: likeliest, and such that 1.96 of its roots bound 95 %.
-    pub between: [f64; 2],
+    /// Variance between placements, per axis: likeliest, and such that 1.96 of its roots bound 95 %; and the variance of an
+    /// estimate of it.
+    pub between: [f64; 3],
 }
 
 impl Estimate {

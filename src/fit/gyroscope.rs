@@ -1,7 +1,7 @@
 //! The gyroscope from what it reads at rest: its bias, and, where specific force is known, what it makes of that. It needs
 //! no faces, only rests that are no turns.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::bars::Sharing;
 use super::bound::Bounds;
@@ -9,9 +9,9 @@ use super::config::Loss;
 use super::estimate::Estimate;
 use super::gravity::EARTH_RATE;
 use super::lsqlin;
-use super::regression::{Reading, regress};
+use super::regression::{Reading, Regression, regress};
 use super::scatter::Assumed;
-use super::shape::{Shape, Term};
+use super::shape::{Shape, Truth};
 use super::system::limits;
 
 /// Regresses placements that scatter by `assumed_std` (rad/s) until they show otherwise on the specific forces (m/s²) that
@@ -29,38 +29,33 @@ pub fn fit(
     let assumed = Assumed { placement: assumed_std, leak: 0.0 };
     let limits = limits(shape, |term| bounds.gyroscope(term));
     let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits, loss)?;
-    let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
-    let up = readings.iter().map(|reading| reading.truth.other.norm()).fold(0.0, f64::max).max(1.0);
-    let count = readings.len().max(1) as f64;
-    let unknown =
-        |part: fn(&Reading, usize) -> f64, axis| readings.iter().map(|seen| part(seen, axis)).sum::<f64>() / count;
-    for (i, term) in shape.terms().iter().enumerate() {
-        // However often the IMU is placed, it may face the same way. What the Earth does about the vertical looks like
-        // sensitivity to gravity, what it does across like that to gravity on another axis.
-        other[(i, i)] = match *term {
-            Term::Bias(axis) => unknown(earth, axis),
-            Term::Other(row, column) if row == column => unknown(vertical, row) / (up * up),
-            Term::Other(row, _) => 0.5 * unknown(earth, row) / (up * up),
-            _ => 0.0,
+    let other = by_earth(shape, readings, &regression);
+    Ok(regression.estimate(&other.into(), f64::INFINITY))
+}
+
+/// What the Earth, of which nobody knows where north is, does to each parameter beyond the true rate that is known: a
+/// variance each. About the vertical it turns every placement alike; where the latitude is known, that is known. Across
+/// it, however often the IMU is placed, it may face such a way that what it adds never averages out. Where not even the
+/// vertical is known, all of it may lie anywhere.
+fn by_earth(shape: Shape, readings: &[Reading], regression: &Regression) -> DMatrix<f64> {
+    let influence: Vec<_> = regression.solved.influence(&regression.solved.gain()).collect();
+    let (mut along, mut across) = (DVector::zeros(shape.unknowns()), DVector::<f64>::zeros(shape.unknowns()));
+    for (axes, reading) in influence.chunks_exact(3).zip(readings) {
+        let by_mean = &axes[0] + &axes[1] + &axes[2];
+        let Truth { own: known, other: force } = reading.truth;
+        let of_direction = EARTH_RATE / 3_f64.sqrt();
+        let vertical = known.try_normalize(0.0).or(force.try_normalize(f64::MIN_POSITIVE)).unwrap_or_default();
+        let (upright, level) = match known.norm_squared() {
+            0.0 => (of_direction, of_direction),
+            known => (0.0, ((EARTH_RATE * EARTH_RATE - known).max(0.0) / 2.0).sqrt()),
         };
+        let by_vertical = &by_mean * vertical;
+        for (i, row) in by_mean.row_iter().enumerate() {
+            across[i] += level * (row.norm_squared() - by_vertical[i].powi(2)).max(0.0).sqrt();
+        }
+        along += by_vertical * upright;
     }
-    Ok(regression.estimate(&other, f64::INFINITY))
-}
-
-/// Variance of what the Earth adds to an axis beyond the true rate that is known. Of that about the vertical the rest lies
-/// across it, in any direction; where none is known, all of it may lie anywhere.
-fn earth(reading: &Reading, axis: usize) -> f64 {
-    let known = reading.truth.own.norm_squared();
-    if known == 0.0 {
-        return EARTH_RATE * EARTH_RATE / 3.0;
-    }
-    let along = reading.truth.own[axis].powi(2) / known;
-    (EARTH_RATE * EARTH_RATE - known).max(0.0) / 2.0 * (1.0 - along)
-}
-
-/// The same about the vertical alone.
-fn vertical(reading: &Reading, _: usize) -> f64 {
-    if reading.truth.own.norm_squared() == 0.0 { EARTH_RATE * EARTH_RATE / 3.0 } else { 0.0 }
+    DMatrix::from_diagonal(&along.zip_map(&across, |along: f64, across| along * along + across * across))
 }
 
 #[cfg(test)]
@@ -68,7 +63,6 @@ mod tests {
     use nalgebra::{Matrix3, Vector3};
 
     use super::*;
-    use crate::fit::shape::Truth;
 
     fn seen(mean: Vector3<f64>, force: Vector3<f64>, noise: f64) -> Reading {
         let truth = Truth { own: Vector3::zeros(), other: force };
@@ -125,5 +119,18 @@ mod tests {
         assert!((unknown.parameters[2] - bias.z).abs() > 6e-5);
         // What is left lies across the vertical.
         assert!(known.std(2) < known.std(0) && known.std(0) < unknown.std(0) && unknown.std(2) > 4e-5);
+    }
+
+    #[test]
+    fn what_the_earth_adds_about_the_vertical_averages_out_over_opposite_faces() {
+        let faces = crate::fit::Fixture::cube();
+        let readings: Vec<_> =
+            faces.faces().iter().map(|face| seen(Vector3::zeros(), face.normal * 9.8, 1e-14)).collect();
+        let learn =
+            |readings: &[Reading]| fit(Shape::BIAS, readings, 1e-7, &Bounds::default(), Loss::Square).unwrap().std(2);
+        let anywhere = EARTH_RATE / 3_f64.sqrt();
+        // Of six faces an axis lies level on four, all of which may face the same way.
+        assert!((learn(&readings) / anywhere - 2.0 / 3.0).abs() < 0.01, "{}", learn(&readings) / anywhere);
+        assert!((learn(&readings[4..5]) / anywhere - 1.0).abs() < 0.01);
     }
 }

@@ -144,7 +144,7 @@ impl NormalEquations {
         estimate.residual_rms = (squares / (3 * whole.samples.max(1)) as f64).sqrt();
         // What is compared with it depends on it as a whole.
         let systematic = estimate.covariance.clone();
-        estimate.origin = Some(Origin { systematic, influence: Vec::new(), between: [0.0; 2] });
+        estimate.origin = Some(Origin { systematic, influence: Vec::new(), between: [0.0; 3] });
         estimate.chi2_per_dof = (self.spans.len() > 2).then_some(agreement);
         Ok(estimate)
     }

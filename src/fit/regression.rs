@@ -2,9 +2,9 @@
 //! accelerometer on the primary, an accelerometer on an accurate fixture. Where the truths come from, and what their own
 //! uncertainty adds, is left to the callers.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::bars::{Bars, Sharing};
+use super::bars::{Bars, Other, Sharing};
 use super::calibration::Calibration;
 use super::config::Loss;
 use super::estimate::Estimate;
@@ -48,7 +48,7 @@ pub(super) fn regress(
     loss: Loss,
 ) -> Result<Regression, lsqlin::Error> {
     let solve = |between: &Vector3<f64>, calibration: &Calibration| {
-        let mut system = System::new(shape);
+        let mut system = System::leaking(shape, assumed.leak);
         for reading in readings {
             let noise = noise(reading, calibration);
             for axis in 0..3 {
@@ -70,9 +70,9 @@ pub(super) fn regress(
 }
 
 impl Regression {
-    /// As an estimate, with `other` added to the covariance for what the readings do not tell. A rms that neither noise nor
+    /// As an estimate, with `other` for what the readings do not tell. A rms that neither noise nor
     /// scatter excuse is allowed up to `allowance`.
-    pub(super) fn estimate(self, other: &DMatrix<f64>, allowance: f64) -> Estimate {
+    pub(super) fn estimate(self, other: &Other, allowance: f64) -> Estimate {
         let Self { shape, solved, bars, assumed, white_rms } = self;
         Estimate {
             shape,

@@ -3,11 +3,14 @@
 //!
 //! Random effects: what an equation leaves over is `design · δx + leaks · c + placement + noise`. Placements scatter with
 //! a variance τ² that nobody knows, noise with one that is known, and the leaks c (the cross-axis sensitivities that the
-//! model has no word for) are constants of the sensor, drawn once from what is assumed of them. τ² is such that the
-//! weighted squares that are left over are as many as their degrees of freedom (Paule & Mandel 1982).
+//! model has no word for) are constants of the sensor, drawn once from what is assumed of them. The equations are weighted
+//! with the τ² that makes the weighted squares that are left over as many as their degrees of freedom (Paule & Mandel 1982).
 //!
-//! An interval is Student's, with the degrees of freedom that the sum of a variance that was estimated and of others that
-//! are known has (Satterthwaite 1946): where placements dominate those of the squares, where noise or leaks do ever more.
+//! How sure that is says the posterior of τ², which cannot be less than nothing: where noise dominates, squares that are
+//! few by chance do not make noise smaller than it is, and squares that are many need not be placements. A level of τ is as
+//! likely before as any other of the same order of magnitude, and all those far below what is assumed are alike (a prior
+//! uniform in ln(1 + τ/c)). An interval is Student's, with the degrees of freedom that a variance of this mean and this
+//! uncertainty has (Satterthwaite 1946): where placements dominate those of the squares, where noise or leaks do ever more.
 //!
 //! What is assumed of τ is taken at its word while the data say nothing of it: without redundancy, and where it would
 //! drown in noise. As they come to speak, the assumption counts as ever fewer degrees of freedom, and is forgotten once
@@ -28,12 +31,15 @@ pub struct Assumed {
 /// What is known of the variance between placements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scatter {
-    /// The variance.
-    between: f64,
+    /// The variance to weight with.
+    typical: f64,
+    /// Its mean, and the variance of it: what is not known of it.
+    mean: f64,
+    doubt: f64,
+    /// Variance of an estimate like the one to weight with.
+    spread: f64,
     /// What noise adds to it in a typical equation.
     noise: f64,
-    /// Degrees of freedom that the sum of both is known with; infinite where it is taken at its word.
-    known: f64,
     /// Weighted sum of squares of what is left over, at what was assumed, and the degrees of freedom of that.
     squares: f64,
     freedom: f64,
@@ -43,11 +49,14 @@ pub struct Scatter {
 const ENOUGH: f64 = 4.0;
 /// What is assumed is worth as many beside half of that.
 const TRUST: f64 = 20.0;
+/// A τ of this share of what is assumed, of half of what noise may hide, and anything less, is small.
+const SMALL: f64 = 0.1;
 
 impl Scatter {
     /// What is assumed, and nothing else.
     pub fn assumed(std: f64) -> Self {
-        Self { between: std * std, noise: 0.0, known: f64::INFINITY, squares: 0.0, freedom: 0.0 }
+        let variance = std * std;
+        Self { typical: variance, mean: variance, doubt: 0.0, spread: 0.0, noise: 0.0, squares: 0.0, freedom: 0.0 }
     }
 
     /// What the equations tell of it.
@@ -57,11 +66,12 @@ impl Scatter {
         const NEAR: f64 = 1e-3;
         let prior = assumed.placement * assumed.placement;
         let left_over = |between: f64| -> Option<Left> {
-            let mut sum = Left { squares: 0.0, freedom: 0.0 };
+            let mut sum = Left { squares: 0.0, freedom: 0.0, telling: 0.0 };
             for block in blocks {
                 let left = block.left(between, assumed.leak)?;
                 sum.squares += left.squares;
                 sum.freedom += left.freedom;
+                sum.telling += left.telling;
             }
             Some(sum)
         };
@@ -74,31 +84,38 @@ impl Scatter {
         // Everything is thought of in terms of the variance of a typical equation, of which noise is the least.
         let noise = typical_noise(blocks);
         let (mut variance, mut left) = (noise + prior, first);
-        let mut known = first.freedom;
+        let mut trusted = 0.0;
         for _ in 0..ROUNDS {
             // Of the degrees of freedom those count that noise leaves to the placements.
             let share = (variance - noise).max(prior) / variance.max(noise + prior);
-            let trust = trust(left.freedom * share);
-            known = left.freedom + trust;
-            let times = (left.squares + trust * (noise + prior) / variance) / known;
+            trusted = trust(left.freedom * share);
+            let times = (left.squares + trusted * (noise + prior) / variance) / (left.freedom + trusted);
             let next = (variance * times).max(noise);
             let moved = (next / variance - 1.0).abs();
-            variance = next;
             if moved.is_nan() || moved < NEAR {
                 break;
             }
-            let Some(there) = left_over(variance - noise) else { return at_word };
-            left = there;
+            let Some(there) = left_over(next - noise) else { return at_word };
+            (variance, left) = (next, there);
         }
-        if !(variance.is_finite() && known > 0.0) {
+        if !(variance.is_finite() && left.freedom + trusted > 0.0) {
             return at_word;
         }
-        Self { between: variance - noise, noise, known, squares: first.squares, freedom: first.freedom }
+        let said = Said {
+            squares: left.squares * variance * left.telling / left.freedom + trusted * (noise + prior),
+            freedom: left.telling + trusted,
+        };
+        let (mean, doubt) = said.of_placements(noise, SMALL * libm::hypot(assumed.placement, 5.0 * noise.sqrt()));
+        if !(mean.is_finite() && doubt.is_finite()) {
+            return at_word;
+        }
+        let spread = 2.0 * variance * variance / said.freedom;
+        Self { typical: variance - noise, mean, doubt, spread, noise, squares: first.squares, freedom: first.freedom }
     }
 
     /// The variance between placements, to weight equations with.
     pub fn typical(&self) -> f64 {
-        self.between
+        self.typical
     }
 
     /// Weighted sum of squares of what the equations left over, at what was assumed of the scatter.
@@ -111,22 +128,67 @@ impl Scatter {
         self.freedom
     }
 
-    /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them are half of its 95 % interval.
-    pub fn std(&self, gain: f64, rest: f64) -> f64 {
-        let variance = gain * self.between + rest;
-        let estimated = gain * (self.between + self.noise);
-        if !(variance > 0.0 && variance.is_finite()) {
-            return variance.max(0.0).sqrt();
+    /// The variance of an estimate of the variance between placements.
+    pub fn spread(&self) -> f64 {
+        self.spread
+    }
+
+    /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them are half of its 95 % interval;
+    /// `rest` was estimated with a variance of `spread`.
+    pub fn std(&self, gain: f64, rest: f64, spread: f64) -> f64 {
+        let (mean, doubt) = (gain * self.mean + rest, gain * gain * self.doubt);
+        if !(mean > 0.0 && mean.is_finite()) {
+            return mean.max(0.0).sqrt();
         }
-        // Where what counts as noise in the equations cancels in the error, less is left than was estimated, and that is
-        // the less certain.
-        let certainty = (variance / estimated).max(0.5);
-        student_95(self.known * certainty * certainty) / NORMAL_95 * variance.sqrt()
+        // An inverse χ² that has this mean and variance has so many degrees of freedom, and an error whose variance it is
+        // is Student's. The inverses of such degrees add up.
+        let fewer = doubt / (4.0 * doubt + 2.0 * mean * mean);
+        let variance = mean * (1.0 - 2.0 * fewer);
+        let fewer = fewer + spread / (4.0 * spread + 2.0 * variance * variance);
+        if fewer <= 0.0 { variance.sqrt() } else { student_95(1.0 / fewer) / NORMAL_95 * variance.sqrt() }
     }
 
     /// The variance between placements such that 1.96 of its roots bound what a further one is off by.
     pub fn most(&self) -> f64 {
-        (self.std(1.0, self.noise).powi(2) - self.noise).max(self.between)
+        (self.std(1.0, self.noise, 0.0).powi(2) - self.noise).max(self.typical)
+    }
+}
+
+/// What is said of the variance of a typical equation: so many squares of so many independent ones.
+struct Said {
+    squares: f64,
+    freedom: f64,
+}
+
+impl Said {
+    /// Mean and variance of τ² by its posterior, where noise adds to it, and a τ below `small` is as likely as any other.
+    fn of_placements(&self, noise: f64, small: f64) -> (f64, f64) {
+        const LEVELS: usize = 48;
+        let Self { squares, freedom } = *self;
+        let middle = (squares / freedom).max(noise);
+        // Beyond this the posterior is less than e⁻¹² of its most, but where there are very few degrees of freedom.
+        let width = (48.0 / freedom).sqrt().min(3.0);
+        let tau = |log_variance: f64| (libm::exp(log_variance) - noise).max(0.0).sqrt();
+        let level = |tau: f64| libm::log1p(tau / small);
+        let log_middle = libm::log(middle);
+        let (low, high) = (level(tau(log_middle - width)), level(tau(log_middle + width + 2.0 * width * width / 3.0)));
+        let step = (high - low) / (LEVELS - 1) as f64;
+        let at = |k: usize| {
+            let tau = small * libm::expm1(low + step * k as f64);
+            let variance = noise + tau * tau;
+            (tau * tau, -0.5 * (freedom * libm::log(variance) + squares / variance))
+        };
+        let levels: [(f64, f64); LEVELS] = std::array::from_fn(at);
+        let most = levels.iter().map(|level| level.1).fold(f64::NEG_INFINITY, f64::max);
+        let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+        for (between, log) in levels {
+            let weight = libm::exp(log - most);
+            sum += weight;
+            first += weight * between;
+            second += weight * between * between;
+        }
+        let mean = first / sum;
+        (mean, (second / sum - mean * mean).max(0.0))
     }
 }
 
@@ -170,7 +232,7 @@ mod tests {
             let readings: Vec<_> = (0..count).map(|_| placement * normal() + noise * normal()).collect();
             let (block, mean) = mean_of(&readings, noise);
             let n = count as f64;
-            mean.abs() <= NORMAL_95 * Scatter::learn(&[block], ASSUMED).std(1.0 / n, noise * noise / n)
+            mean.abs() <= NORMAL_95 * Scatter::learn(&[block], ASSUMED).std(1.0 / n, noise * noise / n, 0.0)
         });
         inside.count() as f64 / 40.0
     }
@@ -180,7 +242,7 @@ mod tests {
         let (block, _) = mean_of(&[3.0], 1e-3);
         let scatter = Scatter::learn(&[block], ASSUMED);
         assert_eq!(scatter, Scatter::assumed(0.01));
-        assert!((scatter.std(1.0, 1e-6) - 1.01e-4_f64.sqrt()).abs() < 1e-12);
+        assert!((scatter.std(1.0, 1e-6, 0.0) - 1.01e-4_f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]
@@ -206,7 +268,7 @@ mod tests {
         let scatter = Scatter::learn(&[block], ASSUMED);
         // Their variance is 7.5; 2.306 is Student's quantile for eight degrees of freedom.
         let expected = 2.306 * 7.5_f64.sqrt();
-        assert!((scatter.std(1.0, 0.0) * NORMAL_95 / expected - 1.0).abs() < 0.003, "{expected}");
+        assert!((scatter.std(1.0, 0.0, 0.0) * NORMAL_95 / expected - 1.0).abs() < 0.003, "{expected}");
     }
 
     #[test]

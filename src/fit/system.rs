@@ -1,5 +1,9 @@
 //! Weighted linear equations about the unknowns of a [`Shape`], solved within bounds. What the equations say is left to
 //! whoever writes them: regressions, and the steps of refinements.
+//!
+//! The entries of S that the model has no word for, the leaks, are constants of the sensor, of which is assumed how large
+//! they are. Where the equations tell more of them than that, they are estimated on the way (a mixed model, Henderson 1950):
+//! otherwise they would pass for bias and scale wherever opposite faces are not seen equally well.
 
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
@@ -19,6 +23,8 @@ const THRESHOLD: f64 = 1.345;
 #[derive(Clone, Debug)]
 pub struct System {
     shape: Shape,
+    /// Standard deviation of each leak; zero where they are none.
+    leak: f64,
     /// Rows of the design, weighted, one after the other.
     design: Vec<f64>,
     /// How the rows would answer to the entries of S that the model has no word for, weighted alike.
@@ -46,9 +52,14 @@ impl Row {
 }
 
 impl System {
-    /// No equations yet.
+    /// No equations yet, about a sensor without leaks.
     pub fn new(shape: Shape) -> Self {
-        Self { shape, design: Vec::new(), leaks: Vec::new(), targets: Vec::new(), rows: Vec::new() }
+        Self::leaking(shape, 0.0)
+    }
+
+    /// No equations yet, about a sensor whose leaks have that standard deviation.
+    pub fn leaking(shape: Shape, leak: f64) -> Self {
+        Self { shape, leak, design: Vec::new(), leaks: Vec::new(), targets: Vec::new(), rows: Vec::new() }
     }
 
     /// Adds `direction · J(truth) · x = target`, J being the derivative of a reading by the unknowns, where the target has
@@ -73,9 +84,17 @@ impl System {
         let mut design = DMatrix::from_vec(self.shape.unknowns(), rows, self.design).transpose();
         let mut leaks = DMatrix::from_vec(self.shape.unmodelled().count(), rows, self.leaks).transpose();
         let targets = DVector::from_vec(self.targets);
-        let solution = match loss {
-            Loss::Square => lsqlin(&design, &targets, low, high)?,
-            Loss::Huber => huber(&design, &targets, low, high, THRESHOLD)?,
+        // Under Huber's loss what leaks is an error like others.
+        let leak = if loss == Loss::Huber { 0.0 } else { self.leak };
+        let solution = match (loss, Free::of_leaks(&design, &leaks, leak)) {
+            (Loss::Huber, _) => huber(&design, &targets, low, high, THRESHOLD)?,
+            (Loss::Square, None) => lsqlin(&design, &targets, low, high)?,
+            (Loss::Square, Some(free)) => {
+                let triangle = free.information.cholesky().ok_or(lsqlin::Error::Singular(f64::INFINITY))?.l();
+                let said = free.answer * &targets;
+                let target = triangle.solve_lower_triangular(&said).ok_or(lsqlin::Error::Singular(f64::INFINITY))?;
+                lsqlin(&triangle.transpose(), &target, low, high)?
+            }
         };
         let mut left = &targets - &design * &solution.x;
         if loss == Loss::Huber {
@@ -87,7 +106,7 @@ impl System {
                 self.rows[i].weight *= weight;
             }
         }
-        Ok(Solved { solution, design, leaks, left, rows: self.rows })
+        Ok(Solved { solution, leak, design, leaks, left, rows: self.rows })
     }
 }
 
@@ -100,18 +119,41 @@ pub struct Solved {
     pub design: DMatrix<f64>,
     /// How they answer to the entries of S that the model has no word for, weighted alike.
     pub leaks: DMatrix<f64>,
-    /// What the solution left over, weighted.
+    /// What the solution left over, weighted; what leaks is still in it.
     pub left: DVector<f64>,
+    /// Standard deviation that was assumed of the leaks.
+    leak: f64,
     rows: Vec<Row>,
+}
+
+/// What equations say of the unknowns where the leaks are free within what is assumed of them.
+struct Free {
+    information: DMatrix<f64>,
+    /// By how much the right side of the normal equations moves with each weighted target.
+    answer: DMatrix<f64>,
+}
+
+impl Free {
+    /// `None` where there are no leaks, or the equations are no numbers.
+    fn of_leaks(design: &DMatrix<f64>, leaks: &DMatrix<f64>, leak: f64) -> Option<Self> {
+        if leaks.ncols() == 0 || leak <= 0.0 {
+            return None;
+        }
+        let mut known = leaks.tr_mul(leaks);
+        (0..leaks.ncols()).for_each(|k| known[(k, k)] += 1.0 / (leak * leak));
+        let passed = known.cholesky()?.solve(&leaks.tr_mul(design));
+        let answer = (design - leaks * passed).transpose();
+        Some(Self { information: &answer * design, answer })
+    }
 }
 
 impl Solved {
     /// By how much the unknowns move with each weighted target, unknowns × equations; NaN where they are not determined.
     pub fn gain(&self) -> DMatrix<f64> {
         let unknowns = self.design.ncols();
-        let information = self.design.tr_mul(&self.design);
-        let inverse = information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN));
-        inverse * self.design.transpose()
+        let Free { information, answer } = Free::of_leaks(&self.design, &self.leaks, self.leak)
+            .unwrap_or_else(|| Free { information: self.design.tr_mul(&self.design), answer: self.design.transpose() });
+        information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN)) * answer
     }
 
     /// Covariance that independent errors of the equations give to the unknowns, which answer to them by `gain`.

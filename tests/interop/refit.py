@@ -5,7 +5,8 @@
 
 Every rest's mean, noise and placement stand in the Segment annotations, what placements scatter by in the Calibration.
 From these alone `scipy.optimize.least_squares` refines ‖S⁻¹(m − b)‖ = g and `lsq_linear` regresses on the faces, and the
-secondary on the primary, within the same bounds. Both must find Stillpoint's parameters to 1e-6.
+secondary on the primary, within the same bounds. Where the model has no word for the entries of S off the diagonal, these
+are unknowns, too, held to zero by as much as is assumed of them. Both must find Stillpoint's parameters to 1e-6.
 """
 
 import json
@@ -22,6 +23,8 @@ from scipy.optimize import least_squares, lsq_linear
 AGREE = 1e-6
 # m/s²: fit.placement_std, what the first of two passes is weighted with.
 ASSUMED = 0.01
+# Standard deviation of an entry of S that bias-scale leaves out, of the primary and of a secondary beside it.
+LEAK, MOUNTING = 0.01, 0.0363
 HIGHG = 'imu=[{topic="/imu/data_raw", secondary=[{name="highg", topic="/highg/acceleration"}]}]'
 FACES = {"+X": 0, "-X": 0, "+Y": 1, "-Y": 1, "+Z": 2, "-Z": 2}
 
@@ -111,6 +114,7 @@ def calibration(x, entries):
 DIAGONAL = [(0, 0), (1, 1), (2, 2)]
 TRIANGULAR = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
 MATRIX = [(i, j) for i in range(3) for j in range(3)]
+OFF_DIAGONAL = [(i, j) for i, j in MATRIX if i != j]
 
 
 def limits(run, entries):
@@ -130,23 +134,29 @@ def magnitude(run, triangular):
         bias, sensitivity = calibration(x, entries)
         return np.linalg.norm(np.linalg.solve(sensitivity, mean - bias))
 
-    def weight(mean, noise):
+    def linearised(mean, noise):
         bias, sensitivity = calibration(expected, entries)
         corrected = np.linalg.solve(sensitivity, mean - bias)
         by_measured = np.linalg.solve(sensitivity.T, corrected / np.linalg.norm(corrected))
-        return 1.0 / math.sqrt(by_measured**2 @ (noise + between))
+        by_leaks = [] if triangular else [by_measured[i] * corrected[j] for i, j in OFF_DIAGONAL]
+        return 1.0 / math.sqrt(by_measured**2 @ (noise + between)), np.array(by_leaks)
 
-    weights = [weight(mean, noise) for mean, noise in seen]
+    lines = [linearised(mean, noise) for mean, noise in seen]
+    count = len(expected)
 
     def residuals(x):
-        return [(length(x, mean) - run.gravity) * weight for (mean, _), weight in zip(seen, weights)]
+        own, leaks = x[:count], x[count:]
+        off = [length(own, mean) - run.gravity - by_leaks @ leaks for (mean, _), (_, by_leaks) in zip(seen, lines)]
+        return np.concatenate([[off * weight for off, (weight, _) in zip(off, lines)], leaks / LEAK])
 
     low, high = limits(run, entries)
+    free = np.full(0 if triangular else len(OFF_DIAGONAL), np.inf)
     # From aside, and inside the bounds, where SciPy wants to start.
-    start = np.clip(expected + 0.01, low + 1e-3, high - 1e-3)
+    start = np.concatenate([np.clip(expected + 0.01, low + 1e-3, high - 1e-3), np.zeros(len(free))])
+    bounds = np.concatenate([low, -free]), np.concatenate([high, free])
     tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "x_scale": "jac", "jac": "3-point", "max_nfev": 500}
-    found = least_squares(residuals, start, bounds=(low, high), method="dogbox", **tight).x
-    run.compare("magnitude, by least_squares", found, expected)
+    found = least_squares(residuals, start, bounds=bounds, method="dogbox", **tight).x
+    run.compare("magnitude, by least_squares", found[:count], expected)
 
 
 def design(truths, entries, axes=range(3)):
@@ -194,14 +204,26 @@ def secondary(run, cross_axis):
     rows = design(truths, entries)
     targets = np.concatenate([mean for _, (mean, _) in seen])
 
+    leaks = [] if cross_axis else OFF_DIAGONAL
+    by_leaks = np.array([[truth[j] if i == axis else 0.0 for i, j in leaks] for truth in truths for axis in range(3)])
+
     def variances(own, between):
         spread = [inverse @ np.diag(noise + primary["placement_std"][0] ** 2) @ inverse.T for (_, noise), _ in seen]
         return np.concatenate([noise + between + np.diag(own @ s @ own.T) for (_, (_, noise)), s in zip(seen, spread)])
 
     scale = (-2.0, 2.0) if cross_axis else (0.5, 2.0)
     bounds = tuple(np.array(side) for side in zip(*[(-20.0, 20.0)] * 3, *[scale] * len(entries)))
-    first = weighted(rows, targets, variances(np.eye(3), ASSUMED**2), bounds)
-    found = weighted(rows, targets, variances(calibration(first, entries)[1], triad["placement_std"][0] ** 2), bounds)
+    # The leaks as further unknowns, each with a row that holds it to zero.
+    count, free = rows.shape[1], np.full(len(leaks), np.inf)
+    bounds = np.concatenate([bounds[0], -free]), np.concatenate([bounds[1], free])
+    rows = np.block([[rows, by_leaks], [np.zeros((len(leaks), count)), np.eye(len(leaks))]])
+    targets = np.concatenate([targets, np.zeros(len(leaks))])
+
+    def solve(variances):
+        return weighted(rows, targets, np.concatenate([variances, np.full(len(leaks), MOUNTING**2)]), bounds)[:count]
+
+    first = solve(variances(np.eye(3), ASSUMED**2))
+    found = solve(variances(calibration(first, entries)[1], triad["placement_std"][0] ** 2))
     run.compare("secondary, by lsq_linear", found, parameters(triad, entries))
 
 

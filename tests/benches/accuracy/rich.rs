@@ -62,7 +62,7 @@ impl Rich {
     /// were refused.
     pub fn errors(self, seed: u64, scatter: f64) -> Option<[Vec<Seen>; 6]> {
         let (scenario, config) = (self.scenario(seed, scatter), self.config());
-        let calibration = learn(&scenario, config, Vector3::zeros())?;
+        let calibration = learn(&scenario, config)?;
         let (accelerometer, gyroscope) = match self {
             Self::RateTable => (Shape::FULL_ACCELEROMETER, Shape::FULL_GYROSCOPE),
             _ => (Shape::MATRIX, Shape::GYROSCOPE_AT_REST),

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit;
-use stillpoint::imu::{Sample, Sensor};
+use stillpoint::imu::Sample;
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Calibration, Triad, Vector3 as Numbers};
 use stillpoint::simulate::{Scenario, TriadTruth, Truth, samples};
@@ -54,8 +54,8 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Gravity is known to the engine, its other settings are the defaults; the gyroscope reads a further rate.
-    pub fn run(scenario: &Scenario, rate: Vector3<f64>) -> Self {
+    /// Gravity is known to the engine, its other settings are the defaults.
+    pub fn run(scenario: &Scenario) -> Self {
         let truth = Truth::of(scenario).unwrap();
         let secondary = truth.secondary.iter().map(|triad| Secondary {
             name: triad.sensor.clone(),
@@ -64,7 +64,7 @@ impl Trial {
         });
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
         let config = Config { secondary: secondary.collect(), fit, ..Config::default() };
-        Self { calibration: learn(scenario, config, rate), truth }
+        Self { calibration: learn(scenario, config), truth }
     }
 
     /// Whether both accelerometers have a calibration.
@@ -131,7 +131,7 @@ impl Trial {
 }
 
 /// The last calibration that an engine learns from a session.
-pub fn learn(scenario: &Scenario, config: Config, rate: Vector3<f64>) -> Option<Calibration> {
+pub fn learn(scenario: &Scenario, config: Config) -> Option<Calibration> {
     let mut engine = Engine::new(config);
     let mut events: Vec<Event> = Vec::new();
     let mut calibration = None;
@@ -144,8 +144,7 @@ pub fn learn(scenario: &Scenario, config: Config, rate: Vector3<f64>) -> Option<
     };
     for reading in samples(scenario).unwrap() {
         let log_time = reading.stamp.nanos() as u64;
-        let more = if reading.sensor == Sensor::Gyroscope { rate } else { Vector3::zeros() };
-        let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured + more };
+        let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured };
         engine.push(reading.sensor, &sample, &mut events);
         note(&mut events);
     }
