@@ -31,7 +31,7 @@ for (const name of names) {
     join(folder, `${name}.rrd`)], { env: { ...process.env, RERUN_ANALYTICS: "0" }, stdio: "ignore" });
   const tab = await browser.newPage();
   const source = encodeURIComponent(`rerun+http://127.0.0.1:${data}/proxy`);
-  const isShown = (seen) => seen.panels > 4000 && seen.timeline > 1000;
+  const isShown = (seen) => seen.panels > 3000 && seen.timeline > 1000;
   let seen = { panels: 0, timeline: 0 };
   while (!isShown(seen) && left() > 0) {
     try {
