@@ -187,8 +187,8 @@ fn folders_that_cannot_be_read_are_refused_with_the_true_reason() {
 
     // What fails in the midst leaves nothing behind.
     folder.write("bag/metadata.yaml", original.as_bytes());
-    folder.write("bag/bag_2.mcap", b"not a recording");
-    folder.refuses("annotate bag", 1, &["bag_2.mcap: not an MCAP"]);
+    folder.write("bag/bag_0.mcap", b"not a recording");
+    folder.refuses("annotate bag", 1, &["bag_0.mcap: not an MCAP"]);
     folder.write("bag.annotated", b"a file");
     folder.refuses("annotate bag", 1, &["bag.annotated: is a file"]);
     std::fs::create_dir(folder.path().join("precious")).unwrap();

@@ -3,7 +3,11 @@
 
 mod metadata;
 
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+
+use mcap::MAGIC;
 
 use crate::Error;
 use crate::record::Topic;
@@ -21,6 +25,8 @@ pub(super) struct Bag {
     folder: PathBuf,
     /// Names of its files, in their order.
     files: Vec<String>,
+    /// Those behind the first in which nothing was recorded.
+    blank: Vec<String>,
     /// `None` if its recorder did not finish it.
     original: Option<Metadata>,
     /// Whether there are annotations in it.
@@ -49,8 +55,9 @@ impl Bag {
         let before = before.filter(|before| before.files == now.files);
         let annotated = before.is_some();
         let files = now.files.clone();
-        let bag = Self { folder: folder.to_owned(), files, original: Some(before.unwrap_or(now)), annotated };
-        for name in bag.names() {
+        let blank = blank(folder, &files);
+        let bag = Self { folder: folder.to_owned(), files, blank, original: Some(before.unwrap_or(now)), annotated };
+        for name in &bag.files {
             if !folder.join(name).exists() {
                 let why = format!(
                     "its {METADATA} names {name}, which is missing; put it there, or name the files that are there, with --join"
@@ -66,7 +73,9 @@ impl Bag {
 
     /// Opens a folder whose recorder did not finish it.
     pub(super) fn unfinished(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), files: files(folder), original: None, annotated: false }
+        let files = files(folder);
+        let blank = blank(folder, &files);
+        Self { folder: folder.to_owned(), files, blank, original: None, annotated: false }
     }
 
     /// Where it is.
@@ -74,9 +83,14 @@ impl Bag {
         &self.folder
     }
 
-    /// Names of its files, in their order.
+    /// Names of its files, in their order, without the blank ones.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
-        self.files.iter().map(String::as_str)
+        self.files.iter().filter(|name| !self.blank.contains(name)).map(String::as_str)
+    }
+
+    /// Names of files in which nothing was recorded. They belong to it all the same, and stay as they are.
+    pub(super) fn blank(&self) -> impl Iterator<Item = &str> {
+        self.blank.iter().map(String::as_str)
     }
 
     /// Whether there are annotations in it.
@@ -91,7 +105,28 @@ impl Bag {
 
     /// The `metadata.yaml` of the recording with annotations, whose splits these are.
     pub(super) fn annotated(&self, splits: &[Contents], own: &[Topic]) -> Option<String> {
-        self.original.as_ref().map(|original| original.annotated(splits, own))
+        let mut splits = splits.iter();
+        let contents = |name| if self.blank.contains(name) { None } else { splits.next().cloned() };
+        let all: Vec<_> = self.files.iter().map(contents).map(Option::unwrap_or_default).collect();
+        self.original.as_ref().map(|original| original.annotated(&all, own))
+    }
+}
+
+/// Those of a recording's files, the first of which says whether it is one, that are empty or hold something else.
+fn blank(folder: &Path, files: &[String]) -> Vec<String> {
+    files.iter().skip(1).filter(|name| is_blank(&folder.join(name))).cloned().collect()
+}
+
+/// Whether a file is there and nothing was recorded in it: a recorder leaves it empty when it dies, and a power failure
+/// full of zeros.
+pub(super) fn is_blank(file: &Path) -> bool {
+    if !file.is_file() {
+        return false;
+    }
+    let mut magic = [0; MAGIC.len()];
+    match File::open(file).and_then(|mut file| file.read_exact(&mut magic)) {
+        Ok(()) => magic != *MAGIC,
+        Err(error) => error.kind() == io::ErrorKind::UnexpectedEof,
     }
 }
 

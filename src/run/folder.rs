@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
-use super::bag;
+use super::bag::{self, Bag};
 use super::output::{Output, Written};
 use super::partial::{Partial, sync_folder};
 use crate::Error;
@@ -57,6 +57,21 @@ impl Folder {
         }
         match std::fs::read(&path) {
             Ok(found) if found == text.as_bytes() => Ok(()),
+            _ => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// A file of a recording as it is.
+    pub(super) fn copy(&self, bag: &Bag, name: &str, sync: bool) -> Result<(), Error> {
+        let (from, path) = (bag.folder().join(name), self.place().join(name));
+        if self.new.is_some() {
+            std::fs::copy(&from, &path).map_err(Error::io("write", &path))?;
+            let synced = if sync { File::open(&path).and_then(|file| file.sync_all()) } else { Ok(()) };
+            return synced.map_err(Error::io("write", &path));
+        }
+        let length = |path: &Path| std::fs::metadata(path).map(|metadata| metadata.len());
+        match (length(&from), length(&path)) {
+            (Ok(from), Ok(found)) if from == found => Ok(()),
             _ => Err(Error::Exists(self.path.clone())),
         }
     }

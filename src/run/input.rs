@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::bag::{self, Bag};
+use super::bag::{self, Bag, is_blank};
 use super::in_place::Access;
 use super::recording::{Recording, Watch};
 use crate::Error;
-use crate::record::Event;
+use crate::record::{Damage, Event};
 
 /// A recording: the files that it consists of, its splits, in the order of time.
 #[derive(Debug)]
@@ -16,6 +16,8 @@ pub struct Input {
     path: PathBuf,
     pub(super) splits: Vec<Recording>,
     pub(super) bag: Option<Bag>,
+    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    blank: Vec<(String, Damage)>,
 }
 
 impl Input {
@@ -62,7 +64,7 @@ impl Input {
 
     /// A recording that is open.
     pub(super) fn of(recording: Recording) -> Self {
-        Self { path: recording.path().to_owned(), splits: vec![recording], bag: None }
+        Self { path: recording.path().to_owned(), splits: vec![recording], bag: None, blank: Vec::new() }
     }
 
     /// Opens files that are one recording: the originals in them, in the order of their first messages.
@@ -71,10 +73,14 @@ impl Input {
     ///
     /// As [`open_original`](Self::open_original).
     pub fn join(paths: &[PathBuf], access: Access) -> Result<Self, Error> {
-        let mut splits = Vec::new();
-        for path in paths {
+        let (mut splits, mut blank) = (Vec::new(), Vec::new());
+        for (index, path) in paths.iter().enumerate() {
             if path.is_dir() {
                 return Err(Error::input(path, "is a folder, which is one recording already; --join takes files"));
+            }
+            if index > 0 && is_blank(path) {
+                blank.push(damage(path)?);
+                continue;
             }
             let split = Recording::open_original(path, access)?;
             splits.push((split.first_log_time()?, split));
@@ -82,20 +88,21 @@ impl Input {
         // Those without messages stay where they were named, as far as that goes.
         splits.sort_by_key(|&(first, _)| first.unwrap_or_default());
         let splits = splits.into_iter().map(|(_, split)| split).collect();
-        Ok(Self { path: paths.first().cloned().unwrap_or_default(), splits, bag: None })
+        Ok(Self { path: paths.first().cloned().unwrap_or_default(), splits, bag: None, blank })
     }
 
     fn each(path: &Path, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
         match path.is_dir() {
             true => Self::all(Bag::open(path)?, open),
-            false => Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None }),
+            false => Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None, blank: Vec::new() }),
         }
     }
 
     fn all(bag: Bag, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
         let path = bag.folder().to_owned();
         let splits = bag.names().map(|name| open(&path.join(name))).collect::<Result<_, _>>()?;
-        Ok(Self { path, splits, bag: Some(bag) })
+        let blank = bag.blank().map(|name| damage(&path.join(name))).collect::<Result<_, _>>()?;
+        Ok(Self { path, splits, bag: Some(bag), blank })
     }
 
     /// Where it is: the folder, or the first of several files.
@@ -113,9 +120,14 @@ impl Input {
         self.bag.is_some()
     }
 
-    /// Its files.
+    /// Its files, without those in which nothing was recorded.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.splits.iter().map(Recording::path)
+    }
+
+    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    pub(super) fn blank(&self) -> &[(String, Damage)] {
+        &self.blank
     }
 
     /// Whether another one holds the same bytes.
@@ -157,7 +169,7 @@ impl Input {
     pub(super) fn with_split(&self, index: usize, split: Recording) -> Result<Self, Error> {
         let mut splits = self.splits.iter().map(Recording::again).collect::<Result<Vec<_>, _>>()?;
         splits.splice(index..=index, [split]);
-        Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone() })
+        Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone(), blank: self.blank.clone() })
     }
 
     /// Reads all of it, split by split.
@@ -176,8 +188,23 @@ impl Input {
             each(Read::SplitEnd)?;
             done += split.length();
         }
+        for (name, damage) in &self.blank {
+            let damage = Damage { what: format!("{name}: {}", damage.what), ..damage.clone() };
+            each(Read::Event(Event::Damage(damage)))?;
+        }
         Ok(())
     }
+}
+
+/// What is wrong with a file in which nothing was recorded, behind others in which something was.
+fn damage(file: &Path) -> Result<(String, Damage), Error> {
+    let length = std::fs::metadata(file).map_err(Error::io("read", file))?.len();
+    let what = match length {
+        0 => "is empty: nothing was recorded into it",
+        _ => "does not begin like an MCAP recording: nothing was recorded into it, or it is lost",
+    };
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok((name, Damage { offset: 0, length, what: what.to_owned() }))
 }
 
 /// What is read of a recording.

@@ -29,6 +29,7 @@ pub fn strip(input: &Input, output: &Path, force: bool, sync: bool, watch: Watch
         copy(split, folder.output(name)?, sync, &|at| watch(done + at))?;
         done += split.length();
     }
+    bag.blank().try_for_each(|name| folder.copy(bag, name, sync))?;
     bag.original().map_or(Ok(()), |text| folder.put(METADATA, text, sync))?;
     folder.finish(sync)
 }

@@ -96,6 +96,9 @@ impl<'a> Target<'a> {
                 Ok(written)
             }
             Place::Folder(folder) => {
+                if let Some(bag) = &input.bag {
+                    bag.blank().try_for_each(|name| folder.copy(bag, name, sync))?;
+                }
                 if let Some((_, original, metadata)) = &described {
                     folder.put(METADATA, metadata, sync)?;
                     folder.put(ORIGINAL, original, sync)?;

@@ -134,3 +134,68 @@ fn a_folder_that_is_no_recording_is_refused_with_the_true_reason() {
     folder.write("bag/metadata.yaml", text.as_bytes());
     folder.refuses("tail bag -q", 1, &["bag: ", "sqlite3", "ros2 bag convert"]);
 }
+
+#[test]
+fn a_file_in_which_nothing_was_recorded_does_not_undo_the_ones_before() {
+    let session = Session::six_faces();
+    for blank in [vec![], vec![0; 5000], b"PK".to_vec()] {
+        let folder = Folder::new();
+        let bag = folder.path().join("bag");
+        session.record_bag(&bag, 2, Style::default(), f64::INFINITY);
+        std::fs::remove_file(bag.join("metadata.yaml")).unwrap();
+        folder.write("bag/bag_2.mcap", &blank);
+        let run = folder.say("tail bag --idle-timeout 300ms");
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("bag_2.mcap"), "{}", run.stderr);
+        assert!(folder.read("bag.annotated/bag_2.mcap") == blank);
+        assert_eq!(folder.names(), ["bag", "bag.annotated"]);
+        let run = folder.say("tail bag --idle-timeout 300ms").ok();
+        assert!(run.stderr.contains("nothing to do"), "{}", run.stderr);
+
+        // One that stands between the others, too.
+        let files = "bag/bag_0.mcap bag/bag_2.mcap bag/bag_1.mcap";
+        let run = folder.say(&format!("annotate {files} --join --out-dir ."));
+        assert!(run.code == 3 && run.stderr.contains("bag_2.mcap"), "{}", run.stderr);
+        for n in 0..2 {
+            assert!(
+                folder.read(&format!("bag.annotated/bag_{n}.mcap")) == folder.read(&format!("bag_{n}.annotated.mcap"))
+            );
+        }
+
+        let names = ["bag_0.mcap", "bag_2.mcap", "bag_1.mcap"].map(str::to_owned);
+        folder.write("bag/metadata.yaml", crate::common::bag_metadata(&names).as_bytes());
+        let run = folder.say("annotate bag -o whole");
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        assert!(run.stderr.contains("bag_2.mcap"), "{}", run.stderr);
+        assert!(folder.say("annotate bag -o whole").stderr.contains("nothing to do"));
+        folder.say("strip whole -o again").ok();
+        same_folders(&bag, &folder.path().join("again"));
+        for line in ["report bag -o report.html", "export bag --format json"] {
+            let run = folder.say(line);
+            assert_eq!(run.code, 3, "{line}: {}", run.stderr);
+        }
+        assert!(String::from_utf8(folder.read("report.html")).unwrap().contains("bag_2.mcap"));
+    }
+}
+
+#[test]
+fn a_file_whose_beginning_comes_late_is_waited_for() {
+    let parts = Session::six_faces().parts(2);
+    let folder = Folder::new();
+    let bag = folder.path().join("bag");
+    std::fs::create_dir(&bag).unwrap();
+    parts[0].record(&bag.join("bag_0.mcap"), Style::default(), f64::INFINITY);
+    parts[1].record(&folder.path().join("second"), Style::default(), f64::INFINITY);
+    let second = folder.read("second");
+    // Its place on the disk was taken in advance.
+    folder.write("bag/bag_1.mcap", &vec![0; second.len()]);
+    let tail = Running::start(&folder, "tail bag --json");
+    wait_for("the second file", || length(&folder.path().join("bag.stillpoint.mcap")) > 2000);
+    std::thread::sleep(Duration::from_millis(300));
+    let file = std::fs::File::options().write(true).open(bag.join("bag_1.mcap")).unwrap();
+    std::io::Write::write_all(&mut &file, &second).unwrap();
+    let names = ["bag_0.mcap", "bag_1.mcap"].map(str::to_owned);
+    std::fs::write(bag.join("metadata.yaml"), crate::common::bag_metadata(&names)).unwrap();
+    tail.finish().ok();
+    assert_folder_as_batch(&folder, "a late beginning");
+}

@@ -318,6 +318,24 @@ fn a_recording_that_is_touched_keeps_its_sidecar() {
     assert_eq!(names, ["rec.annotated.mcap", "rec.stillpoint.mcap"]);
 }
 
+#[test]
+fn a_folder_whose_last_file_was_lost_with_the_power_is_annotated_once() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("in")).unwrap();
+    let bag = folder.path().join("in/bag");
+    crate::recorder::Session::of(&session(1)).record_bag(&bag, 1, Default::default(), f64::INFINITY);
+    std::fs::remove_file(bag.join("metadata.yaml")).unwrap();
+    folder.write("in/bag/bag_1.mcap", &[0; 5000]);
+    for times in [1, 0] {
+        let running = start(&folder);
+        wait_for("its state", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 1"));
+        std::thread::sleep(Duration::from_millis(300));
+        running.kill();
+        assert_eq!(logged(&folder).matches("annotated:").count(), times, "{}", logged(&folder));
+    }
+    assert!(folder.read("out/bag.annotated/bag_1.mcap") == [0; 5000]);
+}
+
 /// Waits until each of these is in the folder of results.
 fn wait_for_results(folder: &Folder, names: &[&str]) {
     for name in names {

@@ -167,7 +167,11 @@ fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
 
 /// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.
 fn from_the_start(mut growing: Growing) -> Result<Growing, Error> {
-    growing.passed(growing.length().min(MAGIC.len() as u64))?;
+    let mut magic = [0; MAGIC.len()];
+    // What has been set aside for it on the disk is no beginning yet.
+    if growing.length() >= MAGIC.len() as u64 && growing.read(&mut magic, 0)? && magic == *MAGIC {
+        growing.passed(MAGIC.len() as u64)?;
+    }
     Ok(growing)
 }
 

@@ -55,9 +55,13 @@ impl Shell<'_> {
         let splits: Vec<_> = done.into_iter().chain([here]).collect();
         let input = match remains {
             Remains::Other(input) => return self.annotate(&input, ending, tell),
-            // The batch run does not read everything, so that it may know of less damage; and what is corrected by the last
-            // calibration is written by it alone.
-            Remains::Same(input) if learned.damages > 0 || self.config.output.corrected == Corrected::Final => {
+            // The batch run does not read everything, so that it may know of less damage, but of files that never began; and
+            // what is corrected by the last calibration is written by it alone.
+            Remains::Same(input)
+                if learned.damages > 0
+                    || !input.blank().is_empty()
+                    || self.config.output.corrected == Corrected::Final =>
+            {
                 return self.annotate(&input, ending, tell);
             }
             Remains::Same(input) => Some(input),

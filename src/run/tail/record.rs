@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::Shell;
 use super::course::Course;
 use crate::Error;
-use crate::record::{self, Block, Event, Sidecar};
+use crate::record::{Block, Event, Scan, Sidecar};
 use crate::run::batch;
 use crate::run::checkpoint::StateOf;
 use crate::run::growing::{Growing, Look};
@@ -126,11 +126,15 @@ impl Shell<'_> {
     fn read(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<Reached, Error> {
         let before = course.scan.offset();
         let reached = loop {
-            let refused = |error: record::Error| match course.done.is_empty() {
-                true => Error::unfit(course.growing.path(), error.to_string()),
-                false => Error::input(course.growing.path(), error.to_string()),
+            let event = match course.scan.next_event() {
+                // What a later file lacks does not undo the ones before. It may begin yet.
+                Err(_) if !course.done.is_empty() => {
+                    course.scan = Scan::new();
+                    break Reached::Here;
+                }
+                event => event.map_err(|error| Error::unfit(course.growing.path(), error.to_string()))?,
             };
-            match course.scan.next_event().map_err(refused)? {
+            match event {
                 Event::Read { offset, length } => {
                     self.stop.check()?;
                     course.tell_progress(self.appending.length(), tell);

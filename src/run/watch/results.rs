@@ -120,7 +120,12 @@ fn original_length(output: &Path) -> Option<u64> {
         _ => None,
     };
     match output.is_dir() {
-        true => bag::files(output).iter().map(|name| of_file(&output.join(name))).sum(),
+        true => {
+            let files = bag::files(output).into_iter().map(|name| output.join(name));
+            // What nothing was recorded into is there as it was.
+            let blank = |file: &Path| bag::is_blank(file).then(|| std::fs::metadata(file).ok()).flatten();
+            files.map(|file| of_file(&file).or_else(|| Some(blank(&file)?.len()))).sum()
+        }
         false => of_file(output),
     }
 }
