@@ -126,7 +126,7 @@ impl Scan {
     }
 
     /// The same, but the end of the recording may have cut the next record off.
-    fn goes_on_at(&self, offset: u64) -> Result<bool, Stop> {
+    pub(super) fn goes_on_at(&self, offset: u64) -> Result<bool, Stop> {
         Ok(self.chain_at(offset)? || self.is_cut_off_at(offset)?)
     }
 

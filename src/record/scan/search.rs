@@ -134,7 +134,7 @@ impl Scan {
     fn tried(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
         while let Some(&offset) = search.tries.first() {
             self.horizon.seek(offset);
-            if self.chain_at(offset)? {
+            if self.goes_on_at(offset)? {
                 return Ok(Some(offset));
             }
             search.tries.remove(0);
