@@ -152,6 +152,11 @@ fn print(text: &str) -> Result<(), Error> {
     }
 }
 
+/// A path in JSON, which knows Unicode alone.
+fn name(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
 fn print_json(value: &serde_json::Value) -> Result<(), Error> {
     print(&format!("{value}\n"))
 }

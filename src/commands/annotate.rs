@@ -11,7 +11,7 @@ use stillpoint::{Error, imu::Verdict};
 use tracing::{info, warn};
 
 use super::progress::Progress;
-use super::{Code, configuration, import, print_json, summary};
+use super::{Code, configuration, import, name, print_json, summary};
 use crate::cli;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -182,11 +182,6 @@ pub fn code(report: &Report, require_calibration: bool, accept_damage: bool) -> 
     } else {
         Code::Done
     }
-}
-
-/// A path in JSON, which knows Unicode alone.
-pub fn name(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
 }
 
 pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {

@@ -10,8 +10,7 @@ use stillpoint::simulate::{self, BUILTIN, Scenario};
 use stillpoint::{Error, Stamp};
 use tracing::info;
 
-use super::annotate::name;
-use super::{Code, finish, print, print_json};
+use super::{Code, finish, name, print, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {

@@ -5,9 +5,8 @@ use stillpoint::Error;
 use stillpoint::run::{self, Input, Stop};
 use tracing::info;
 
-use super::annotate::name;
 use super::progress::Progress;
-use super::{Code, print_json};
+use super::{Code, name, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {

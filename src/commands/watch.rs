@@ -78,10 +78,10 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 event
             }
             Verdict::Quarantined(reason) => {
-                json!({"event": "quarantined", "input": super::annotate::name(path), "reason": reason})
+                json!({"event": "quarantined", "input": super::name(path), "reason": reason})
             }
             Verdict::Again(error, wait) => {
-                json!({"event": "again", "input": super::annotate::name(path), "error": error.to_string(), "seconds": wait.as_secs_f64()})
+                json!({"event": "again", "input": super::name(path), "error": error.to_string(), "seconds": wait.as_secs_f64()})
             }
         };
         // A service goes on when nobody listens.

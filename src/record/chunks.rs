@@ -166,7 +166,7 @@ impl Claims {
         let mut walk = Walk::new(section.clone(), SUMMARY_BLOCK);
         let mut definitions = Definitions::default();
         while let Some(frame) = walk.next(file)? {
-            // No id is behind the first two bytes.
+            // Both begin with their id.
             let id = Fields(walk.body(file, frame, 2)?).u16();
             match frame.opcode {
                 op::SCHEMA => definitions.schemas.extend(id),

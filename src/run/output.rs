@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::in_place::{self, Access};
-use super::partial::Partial;
+use super::partial::{Partial, is_end};
 use super::recording::Recording;
 use super::spill::Spill;
 use crate::Error;
@@ -179,28 +179,6 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
         }
     }
     Ok(())
-}
-
-/// Whether what follows byte `from` of a file is `end`.
-fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
-    let length = end.metadata()?.len();
-    if file.metadata()?.len() != from + length {
-        return Ok(false);
-    }
-    let (mut found, mut expected) = (vec![0; 1 << 16], vec![0; 1 << 16]);
-    let mut at = 0;
-    while at < length {
-        let next = (length - at).min(found.len() as u64) as usize;
-        found.truncate(next);
-        expected.truncate(next);
-        file.read_exact_at(&mut found, from + at)?;
-        end.read_exact_at(&mut expected, at)?;
-        if found != expected {
-            return Ok(false);
-        }
-        at += next as u64;
-    }
-    Ok(true)
 }
 
 /// Where the next piece must stand if `piece` stands at `at`; `None` if it does not.

@@ -80,23 +80,7 @@ impl Partial {
     ///
     /// If the system refuses.
     pub fn equals(&self, other: &Path) -> io::Result<bool> {
-        let other = File::open(other)?;
-        let length = self.file.metadata()?.len();
-        if other.metadata()?.len() != length {
-            return Ok(false);
-        }
-        let (mut ours, mut theirs) = (vec![0; 1 << 16], vec![0; 1 << 16]);
-        for at in (0..length).step_by(1 << 16) {
-            let room = (length - at).min(1 << 16) as usize;
-            ours.truncate(room);
-            theirs.truncate(room);
-            self.file.read_exact_at(&mut ours, at)?;
-            other.read_exact_at(&mut theirs, at)?;
-            if ours != theirs {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+        is_end(&File::open(other)?, 0, &self.file)
     }
 
     /// Gives the whole file its name, on the device if asked to.
@@ -123,6 +107,28 @@ impl Partial {
         }
         if sync { sync_folder(&self.target) } else { Ok(()) }
     }
+}
+
+/// Whether what follows byte `from` of a file is `end`.
+pub(super) fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
+    let length = end.metadata()?.len();
+    if file.metadata()?.len() != from + length {
+        return Ok(false);
+    }
+    let (mut found, mut expected) = (vec![0; 1 << 16], vec![0; 1 << 16]);
+    let mut at = 0;
+    while at < length {
+        let next = (length - at).min(found.len() as u64) as usize;
+        found.truncate(next);
+        expected.truncate(next);
+        file.read_exact_at(&mut found, from + at)?;
+        end.read_exact_at(&mut expected, at)?;
+        if found != expected {
+            return Ok(false);
+        }
+        at += next as u64;
+    }
+    Ok(true)
 }
 
 /// Gives a file a name that nothing has.
