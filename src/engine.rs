@@ -54,7 +54,7 @@ use self::suspicion::{Cause, Suspicion};
 use self::turn::Turns;
 use crate::Stamp;
 use crate::fit::{self, Fixture, Place};
-use crate::imu::{Preset, Sample, Sensor};
+use crate::imu::{Preset, Sample, SecondaryModel, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
 use crate::still::{self, Outcome, Segmenter, State, Status};
@@ -116,7 +116,7 @@ pub struct Secondary {
     /// Which sensor it is, if that is known.
     pub preset: Option<Preset>,
     /// Which measurement model.
-    pub model: fit::SecondaryModel,
+    pub model: SecondaryModel,
 }
 
 /// Learns the calibration of one IMU.

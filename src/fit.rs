@@ -35,7 +35,7 @@ pub use alignment::Alignment;
 pub use block::Block;
 pub use bound::{Bound, Bounds};
 pub use calibration::Calibration;
-pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refit, SecondaryModel, Solid};
+pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refit, Solid};
 pub use estimate::{Estimate, Origin};
 pub use fixture::{Face, Fixture};
 pub use gravity::{EARTH_RATE, Gravity, Place, Source};

@@ -10,10 +10,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stillpoint::engine::{Config, Engine, Message, Secondary};
 use stillpoint::fit::{
-    self, Bounds, Calibration, FaceConfig, Fixture, FixtureConfig, Loss, Model, Refit, SecondaryModel, Shape, Solid,
-    System, Term, directions, limits,
+    self, Bounds, Calibration, FaceConfig, Fixture, FixtureConfig, Loss, Model, Refit, Shape, Solid, System, Term,
+    directions, limits,
 };
-use stillpoint::imu::Sample;
+use stillpoint::imu::{Sample, SecondaryModel};
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{self, Triad, triad};
 use stillpoint::simulate::{Scenario, Truth, samples};

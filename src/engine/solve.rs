@@ -14,9 +14,9 @@ use super::reference::Reference;
 use super::suspicion::Suspicion;
 use super::words;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Model, Place, Reading, SecondaryModel, Shape, Source, directions, guess,
-    gyroscope, secondary,
+    self, Calibration, Estimate, Gravity, Model, Place, Reading, Shape, Source, directions, guess, gyroscope, secondary,
 };
+use crate::imu::SecondaryModel;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.

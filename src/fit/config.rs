@@ -91,17 +91,6 @@ pub enum Model {
     Full,
 }
 
-/// A measurement model of a secondary accelerometer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SecondaryModel {
-    /// Bias and diagonal sensitivity.
-    #[default]
-    BiasScale,
-    /// Bias and all of the sensitivity, whatever way it is mounted beside the primary one.
-    CrossAxis,
-}
-
 /// How equations that are left over count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

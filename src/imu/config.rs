@@ -8,8 +8,8 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
-use super::{FieldPath, Preset};
-use crate::fit::SecondaryModel;
+use crate::imu::preset::Preset;
+use crate::imu::schema::path::FieldPath;
 
 /// One IMU. Topics of well-known types need no table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
@@ -69,6 +69,17 @@ pub struct SecondaryConfig {
     /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
+}
+
+/// A measurement model of a secondary accelerometer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, DeserializeDerive)]
+#[serde(rename_all = "kebab-case")]
+pub enum SecondaryModel {
+    /// Bias and diagonal sensitivity.
+    #[default]
+    BiasScale,
+    /// Bias and all of the sensitivity, whatever way it is mounted beside the primary one.
+    CrossAxis,
 }
 
 /// Where a vector stands in the messages of a topic. Written as a path, as three paths, or as a table.

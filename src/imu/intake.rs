@@ -6,17 +6,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::fix::{Fix, Fixes};
-use super::known::{Known, known};
-use super::layout::{Layout, SchemaError};
-use super::lookup::nearest;
-use super::route::Route;
-use super::seen::{Imu, Triad, admit, is_zero, owner};
-use super::source::{Request, Source};
-use super::split::{Half, Side};
-use super::suggestion::Suggestion;
-use super::verdict::{Cause, Fault, Notice, Verdict};
-use super::{ImuConfig, ImuId, Reading, Sample, Sensor};
+use crate::imu::config::ImuConfig;
+use crate::imu::mapping::known_types::{Known, known};
+use crate::imu::mapping::paired_topics::{Half, Side};
+use crate::imu::mapping::position::{Fix, Fixes};
+use crate::imu::mapping::refusal::{Cause, Fault, Notice};
+use crate::imu::mapping::registry::{Imu, Triad, admit, is_zero, owner};
+use crate::imu::mapping::request::Request;
+use crate::imu::mapping::route::Route;
+use crate::imu::mapping::source::Source;
+use crate::imu::mapping::suggestion::Suggestion;
+use crate::imu::mapping::verdict::Verdict;
+use crate::imu::sample::{ImuId, Reading, Sample, Sensor};
+use crate::imu::schema::layout::{Layout, SchemaError};
+use crate::imu::schema::lookup::nearest;
 use crate::record;
 
 /// Turns the messages of a recording into samples.
@@ -275,7 +278,7 @@ impl Intake {
             }
             match Route::new(topic, layout, known, i, &requests) {
                 Ok(route) => {
-                    uses.extend(route.taps.iter().map(|tap| source.uses(tap)));
+                    uses.extend(route.taps.iter().map(|tap| tap.used_by(source.name())));
                     self.routes.entry(channel_id).or_default().push(route);
                 }
                 Err(error) => fault = fault.or(Some(error.to_string())),
@@ -342,7 +345,7 @@ impl Intake {
             imu.triads.retain(|triad| triad.sensor != Sensor::Gyroscope);
             imu.triads.insert(1, Triad::gyroscope(&gyro.topic));
         }
-        let uses = route.taps.iter().map(|tap| owner.uses(tap)).collect();
+        let uses = route.taps.iter().map(|tap| tap.used_by(owner.name())).collect();
         self.verdicts.insert(gyro_id, Verdict::Used(uses));
         self.routes.insert(gyro_id, vec![route]);
         if let Some(Verdict::Used(uses)) = self.verdicts.get_mut(&accel_id) {

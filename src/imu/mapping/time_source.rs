@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::decoder::Decoder;
-use super::layout::{Layout, Place};
-use super::path::FieldPath;
 use crate::Stamp;
+use crate::imu::decode::Decoder;
+use crate::imu::schema::layout::{Layout, Place};
+use crate::imu::schema::path::FieldPath;
 
 /// Tells when the messages of a channel were measured. The choice is made by its first message, and stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Clock {
+pub(in crate::imu) struct Clock {
     unit: Option<Unit>,
     choice: Option<Choice>,
 }
@@ -29,15 +29,15 @@ enum Choice {
 }
 
 /// Where the stamp of a message stands, and its `frame_id`.
-pub(super) struct StampPlaces {
-    pub(super) clock: Clock,
-    pub(super) numbers: Vec<Place>,
-    pub(super) frame: Option<Place>,
+pub(in crate::imu) struct StampPlaces {
+    pub(in crate::imu) clock: Clock,
+    pub(in crate::imu) numbers: Vec<Place>,
+    pub(in crate::imu) frame: Option<Place>,
 }
 
 impl Clock {
     /// The stamp in `numbers` unless that of the first message was 0, else the log time.
-    pub(super) fn read(&mut self, numbers: &[f64], log_time: u64) -> Stamp {
+    pub(in crate::imu) fn read(&mut self, numbers: &[f64], log_time: u64) -> Stamp {
         let stamp = match (self.unit, numbers) {
             // Whole numbers, but for what is not there: that is 0, too.
             (Some(Unit::Seconds), &[seconds, nanos, ..]) => {
@@ -65,7 +65,7 @@ pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
 
 impl StampPlaces {
     /// Those of the message that holds the vector, or of the nearest message around it.
-    pub(super) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
+    pub(in crate::imu) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
         let mut around = Some(vector.parent().unwrap_or_default());
         while let Some(message) = around {
             if let Some(found) = Self::at(layout, &message) {
@@ -77,7 +77,7 @@ impl StampPlaces {
     }
 
     /// Microseconds, and no frame.
-    pub(super) fn micros(place: Place) -> Self {
+    pub(in crate::imu) fn micros(place: Place) -> Self {
         Self { clock: Clock { unit: Some(Unit::Micros), choice: None }, numbers: vec![place], frame: None }
     }
 

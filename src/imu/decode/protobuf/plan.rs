@@ -1,41 +1,33 @@
-//! Protobuf messages walked on the wire, without building values and without allocation. What is looked for is compiled
-//! once per channel from its [`Layout`]; the walk itself is left to [`walk`].
-//!
-//! As parsers must (<https://protobuf.dev/programming-guides/encoding/>): of a field that comes twice, the last number
-//! counts and messages are merged; lists may be packed or not, whatever the schema says; what is unknown is skipped.
-
-mod walk;
+//! Fields that are looked for in a protobuf message, compiled once per channel from its [`Layout`].
 
 use serde::{Deserialize, Serialize};
 
-use self::walk::{Walk, wire};
-use super::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
-use super::lookup::PathError;
-use super::walk::Malformed;
+use crate::imu::schema::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
+use crate::imu::schema::lookup::PathError;
 
 /// A message that something is read from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Tagged {
+pub(in crate::imu::decode) struct Tagged {
     /// Its own number among those that are read from.
-    id: usize,
-    fields: Vec<Wanted>,
+    pub(super) id: usize,
+    pub(super) fields: Vec<Wanted>,
     /// Slots, and what is in them where the message is there but leaves the field out.
-    absent: Vec<(usize, Bits)>,
+    pub(super) absent: Vec<(usize, Bits)>,
 }
 
 /// A number saved by its bits, for it may be NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Bits(u64);
+pub(super) struct Bits(pub(super) u64);
 
 /// A field that is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Wanted {
-    number: u32,
-    take: Take,
+pub(super) struct Wanted {
+    pub(super) number: u32,
+    pub(super) take: Take,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Take {
+pub(super) enum Take {
     Number {
         number: Number,
         coding: Coding,
@@ -58,14 +50,18 @@ enum Take {
 }
 
 /// Messages, and lists, from which something is read; more are in no real configuration.
-const MAX_PARTS: usize = 32;
+pub(super) const MAX_PARTS: usize = 32;
 
 impl Tagged {
     /// Reads the numbers into slots by their order, and the text.
     ///
     /// # Errors
     /// If more parts are read from than any real message has.
-    pub(super) fn new(layout: &Layout, numbers: &[Place], text: Option<&Place>) -> Result<Self, PathError> {
+    pub(in crate::imu::decode) fn new(
+        layout: &Layout,
+        numbers: &[Place],
+        text: Option<&Place>,
+    ) -> Result<Self, PathError> {
         let mut compiler = Compiler { layout, messages: 0, lists: 0 };
         let mut root = compiler.tagged();
         for (slot, place) in numbers.iter().enumerate() {
@@ -80,27 +76,9 @@ impl Tagged {
         }
     }
 
-    /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
-    /// message or list around it is not there either.
-    pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
-        self.walk::<false>(data, numbers)
-    }
-
-    /// Finds where numbers of fixed size begin; NaN for every other, and for one that is not there.
-    pub(super) fn locate(&self, data: &[u8], places: &mut [f64]) -> Result<(), Malformed> {
-        self.walk::<true>(data, places).map(drop)
-    }
-
-    fn walk<'d, const LOCATE: bool>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
-        numbers.fill(f64::NAN);
-        let mut walk = Walk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
-        walk.message(self, data.len())?;
-        Ok(walk.text)
-    }
-
     /// The fields that lead to a number of fixed size, itself the last, and how it is written. No lists are on the way
     /// unless the number itself is in one, which leaves no element out.
-    pub(super) fn way(&self, slot: usize) -> Option<(Vec<u32>, Number)> {
+    pub(in crate::imu::decode) fn way(&self, slot: usize) -> Option<(Vec<u32>, Number)> {
         self.fields.iter().find_map(|wanted| match &wanted.take {
             Take::Number { number, coding: Coding::Fixed, slots } if slots.contains(&slot) => {
                 Some((vec![wanted.number], *number))
@@ -121,30 +99,6 @@ impl Tagged {
             _ => None,
         })
     }
-}
-
-/// A message that holds one number at the end of a way, to be merged into another: all that follows counts.
-pub(super) fn alone(way: &[u32], bytes: &[u8]) -> Vec<u8> {
-    let Some((&number, outer)) = way.split_last() else { return Vec::new() };
-    let mut out = Vec::new();
-    varint(&mut out, u64::from(number) << 3 | if bytes.len() == 8 { wire::I64 } else { wire::I32 });
-    out.extend_from_slice(bytes);
-    for &number in outer.iter().rev() {
-        let mut around = Vec::new();
-        varint(&mut around, u64::from(number) << 3 | wire::LEN);
-        varint(&mut around, out.len() as u64);
-        around.extend(out);
-        out = around;
-    }
-    out
-}
-
-fn varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
 }
 
 struct Compiler<'a> {

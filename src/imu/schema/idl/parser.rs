@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use super::super::layout::{Evolution, Number};
 use super::lexer::{Token, TokenKind, tokens};
+use crate::imu::schema::layout::{Evolution, Number};
 
 /// By scoped name, `pkg::msg::Type`.
 pub(super) type Definitions = BTreeMap<String, Definition>;

@@ -1,37 +1,37 @@
 //! Types whose vectors are known by name, wherever a message holds them.
 
-use super::layout::Layout;
-use super::path::FieldPath;
+use crate::imu::schema::layout::Layout;
+use crate::imu::schema::path::FieldPath;
 
 /// Where the vectors of a well-known type stand in a message.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Known {
+pub(in crate::imu) struct Known {
     /// The message of that type; the empty path if it is the whole message.
-    pub(super) inside: FieldPath,
-    pub(super) accel: Option<Part>,
-    pub(super) gyro: Option<Part>,
+    pub(in crate::imu) inside: FieldPath,
+    pub(in crate::imu) accel: Option<Part>,
+    pub(in crate::imu) gyro: Option<Part>,
     /// Its stamp in microseconds, where it has no header.
-    pub(super) micros: Option<FieldPath>,
+    pub(in crate::imu) micros: Option<FieldPath>,
     /// A number that tells sensors on one topic apart.
-    pub(super) device: Option<FieldPath>,
+    pub(in crate::imu) device: Option<FieldPath>,
     /// Whether its topics are IMUs even if the configuration does not mention them.
-    pub(super) imu: bool,
+    pub(in crate::imu) imu: bool,
 }
 
 /// One vector, and what the message says about it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Part {
-    pub(super) vector: FieldPath,
+pub(in crate::imu) struct Part {
+    pub(in crate::imu) vector: FieldPath,
     /// Microseconds over which the vector is an increment.
-    pub(super) over: Option<FieldPath>,
+    pub(in crate::imu) over: Option<FieldPath>,
     /// Numbers that are not zero if the sensor reached the end of its range.
-    pub(super) clipping: Vec<FieldPath>,
+    pub(in crate::imu) clipping: Vec<FieldPath>,
     /// Changes with the calibration that the driver applies.
-    pub(super) round: Option<FieldPath>,
+    pub(in crate::imu) round: Option<FieldPath>,
 }
 
 /// What is known of a message: its own type, or else the IMUs inside it.
-pub(super) fn known(layout: &Layout) -> Vec<Known> {
+pub(in crate::imu) fn known(layout: &Layout) -> Vec<Known> {
     if let Some(known) = of_type(layout.name(), &FieldPath::default()) {
         return vec![known];
     }

@@ -1,16 +1,22 @@
-//! Numbers out of message bytes, compiled once per channel. What the numbers mean is left to
-//! [`Intake`](super::Intake).
+//! Message bytes to numbers: a [`Decoder`] is compiled once per channel from its layout, and walks each message without
+//! building values.
+
+mod json;
+pub(super) mod malformed;
+mod plan;
+mod protobuf;
+mod walk;
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::json::Pick;
-use super::layout::{Layout, Number, Place, Wire};
-use super::lookup::PathError;
-use super::plan::{Plan, Rules, Sizes};
-use super::tagged::{Tagged, alone};
-use super::walk::Malformed;
+use self::json::Pick;
+use self::malformed::Malformed;
+use self::plan::{Plan, Rules, Sizes};
+use self::protobuf::{Tagged, alone};
+use crate::imu::schema::layout::{Layout, Number, Place, Wire};
+use crate::imu::schema::lookup::PathError;
 
 /// Reads the same few numbers out of each message of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

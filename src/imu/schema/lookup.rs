@@ -49,7 +49,7 @@ impl Layout {
     }
 
     /// Paths of the three axes of such a vector.
-    pub(super) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
+    pub(in crate::imu) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
         match self.find(path) {
             Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
                 Ok(["x", "y", "z"].map(|axis| path.join(axis)))
@@ -87,7 +87,7 @@ impl Layout {
 
     /// Numbers of one message that differ in the last letter of their names, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
     /// `gyro_z`, by what is in front of it, in lowercase.
-    pub(super) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
+    pub(in crate::imu) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
         let paths = self.paths();
         let triple = |x: &FieldPath| {
             let (stem, letter) = x.name().split_at_checked(x.name().len().checked_sub(1)?)?;
@@ -110,7 +110,7 @@ impl Layout {
     }
 
     /// Paths and types of the messages inside the message, but not inside its lists.
-    pub(super) fn messages_inside(&self) -> Vec<(FieldPath, &str)> {
+    pub(in crate::imu) fn messages_inside(&self) -> Vec<(FieldPath, &str)> {
         let paths = self.paths().into_iter().skip(1);
         let named = paths.filter_map(|path| match self.find(&path)? {
             Found { kind: Kind::Message(id), count: Count::One, .. } => {
@@ -121,12 +121,12 @@ impl Layout {
         named.collect()
     }
 
-    pub(super) fn find_number(&self, path: &FieldPath) -> Option<Place> {
+    pub(in crate::imu) fn find_number(&self, path: &FieldPath) -> Option<Place> {
         let Found { kind: Kind::Number(number), count: Count::One, hops } = self.find(path)? else { return None };
         (number != Number::Bool).then(|| Place { path: path.clone(), hops })
     }
 
-    pub(super) fn find_text(&self, path: &FieldPath) -> Option<Place> {
+    pub(in crate::imu) fn find_text(&self, path: &FieldPath) -> Option<Place> {
         let Found { kind: Kind::Text, count: Count::One, hops } = self.find(path)? else { return None };
         Some(Place { path: path.clone(), hops })
     }
@@ -226,7 +226,7 @@ const MAX_ELEMENT: u32 = 64;
 const MAX_PATHS: usize = 4096;
 
 /// The candidate that is spelt most like `wanted`, the first of several.
-pub(super) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
+pub(in crate::imu) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
     let mut best = None;
     for candidate in candidates {
         let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);

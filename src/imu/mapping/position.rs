@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::decoder::Decoder;
-use super::layout::{Layout, Place};
-use super::lookup::PathError;
-use super::path::FieldPath;
+use crate::imu::decode::Decoder;
+use crate::imu::schema::layout::{Layout, Place};
+use crate::imu::schema::lookup::PathError;
+use crate::imu::schema::path::FieldPath;
 
 /// A position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,7 +21,7 @@ pub struct Fix {
 
 /// Looks for the first valid position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Fixes {
+pub(in crate::imu) struct Fixes {
     /// The configured topic; else every topic of a known type is listened to.
     topic: Option<String>,
     /// Until one is found.
@@ -43,12 +43,12 @@ struct Route {
 const KNOWN: [&str; 3] = ["sensor_msgs/NavSatFix", "foxglove.LocationFix", "foxglove/LocationFix"];
 
 impl Fixes {
-    pub(super) fn new(topic: Option<String>) -> Self {
+    pub(in crate::imu) fn new(topic: Option<String>) -> Self {
         Self { topic, ..Self::default() }
     }
 
     /// The configured topic.
-    pub(super) fn topic(&self) -> Option<&str> {
+    pub(in crate::imu) fn topic(&self) -> Option<&str> {
         self.topic.as_deref()
     }
 
@@ -56,7 +56,7 @@ impl Fixes {
     ///
     /// # Errors
     /// If it is the configured one and has none.
-    pub(super) fn channel(&mut self, id: u16, topic: &str, layout: &Layout) -> Result<bool, PathError> {
+    pub(in crate::imu) fn channel(&mut self, id: u16, topic: &str, layout: &Layout) -> Result<bool, PathError> {
         let wanted = match &self.topic {
             Some(configured) => configured == topic,
             None => KNOWN.contains(&layout.name()),
@@ -70,12 +70,12 @@ impl Fixes {
         Ok(wanted)
     }
 
-    pub(super) fn wants(&self, channel: u16) -> bool {
+    pub(in crate::imu) fn wants(&self, channel: u16) -> bool {
         self.routes.contains_key(&channel)
     }
 
     /// Takes a message of a channel that is wanted; the position, if it is the first valid one.
-    pub(super) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Fix> {
+    pub(in crate::imu) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Fix> {
         let fix = self.routes.get_mut(&channel)?.read(data)?;
         self.found = Some(fix);
         self.routes.clear();

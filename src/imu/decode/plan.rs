@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
-use super::lookup::PathError;
+use crate::imu::schema::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
+use crate::imu::schema::lookup::PathError;
 
 /// Steps through a message, and what to read on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

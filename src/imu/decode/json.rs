@@ -10,8 +10,8 @@ use serde::de::{self, DeserializeSeed, IgnoredAny, MapAccess, SeqAccess, Visitor
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use super::layout::Place;
-use super::walk::Malformed;
+use super::malformed::Malformed;
+use crate::imu::schema::layout::Place;
 
 /// What is wanted of a value and of what is inside it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

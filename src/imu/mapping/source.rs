@@ -1,62 +1,33 @@
 //! The IMUs that are asked for, by the configuration or by being of a known type: which vector of which topic each of
-//! their triads is. Reading these is left to [`Route`](super::route::Route).
+//! their triads is.
 
 use serde::{Deserialize, Serialize};
 
-use super::config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, VectorConfig, VectorPath};
-use super::known::{Known, Part};
-use super::path::FieldPath;
-use super::route::Tap;
-use super::verdict::Use;
-use super::{ImuId, Preset, Quantity, Sensor};
-use crate::fit::SecondaryModel;
+use super::known_types::Known;
+use super::request::Request;
+use crate::imu::config::SecondaryModel;
+use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, VectorConfig};
+use crate::imu::preset::Preset;
+use crate::imu::sample::{ImuId, Quantity, Sensor};
+use crate::imu::schema::path::FieldPath;
 
 /// One table of the configuration, or a topic that needs none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Source {
+pub(in crate::imu) struct Source {
     config: ImuConfig,
     /// The message inside those of the topic that is the IMU, where there are several.
     inside: Option<FieldPath>,
     /// What was found on its accelerometer's topic, by `frame_id`.
-    pub(super) imus: Vec<(Vec<u8>, ImuId)>,
-}
-
-/// A vector to be read from the messages of one topic.
-pub(super) struct Request<'a> {
-    pub(super) sensor: Sensor,
-    /// Key of the configuration that says where it stands.
-    pub(super) key: &'static str,
-    pub(super) name: &'a str,
-    pub(super) path: Option<&'a VectorPath>,
-    /// Where it stands in a message of this type, if nothing else is said.
-    pub(super) known: Option<&'a Part>,
-    pub(super) factor: f64,
-    /// Whether it shares the topic of the accelerometer, and with it the `frame_id`.
-    pub(super) with_accel: bool,
-}
-
-impl<'a> Request<'a> {
-    /// For the gyroscope of an IMU whose accelerometer is on another topic.
-    pub(super) fn other_half(known: &'a Part) -> Self {
-        Self {
-            sensor: Sensor::Gyroscope,
-            key: "gyro",
-            name: "gyroscope",
-            path: None,
-            known: Some(known),
-            factor: 1.0,
-            with_accel: false,
-        }
-    }
+    pub(in crate::imu) imus: Vec<(Vec<u8>, ImuId)>,
 }
 
 impl Source {
-    pub(super) fn new(config: ImuConfig) -> Self {
+    pub(in crate::imu) fn new(config: ImuConfig) -> Self {
         Self { config, inside: None, imus: Vec::new() }
     }
 
     /// A topic, or one of several IMUs in its messages, that needs no configuration.
-    pub(super) fn found(topic: &str, known: &Known, alone: bool) -> Self {
+    pub(in crate::imu) fn found(topic: &str, known: &Known, alone: bool) -> Self {
         let inside = known.inside.to_string().replace('.', "/");
         let name = (!alone).then(|| format!("{topic}/{inside}"));
         let config = ImuConfig { topic: topic.to_owned(), name, ..ImuConfig::default() };
@@ -64,12 +35,12 @@ impl Source {
     }
 
     /// Its gyroscope turned out to be on a topic of its own.
-    pub(super) fn gyro_on(&mut self, topic: &str) {
+    pub(in crate::imu) fn gyro_on(&mut self, topic: &str) {
         self.config.gyro = Some(VectorConfig { topic: Some(topic.to_owned()), ..VectorConfig::default() });
     }
 
     /// What is known of its part of a message.
-    pub(super) fn known<'a>(&self, known: &'a [Known]) -> Option<&'a Known> {
+    pub(in crate::imu) fn known<'a>(&self, known: &'a [Known]) -> Option<&'a Known> {
         match (&self.inside, known) {
             (Some(inside), several) => several.iter().find(|known| known.inside == *inside),
             (None, [only]) => Some(only),
@@ -78,7 +49,7 @@ impl Source {
     }
 
     /// Which sensor a triad is, if the configuration says so.
-    pub(super) fn preset(&self, sensor: Sensor) -> Option<Preset> {
+    pub(in crate::imu) fn preset(&self, sensor: Sensor) -> Option<Preset> {
         match sensor {
             Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
             Sensor::Accelerometer | Sensor::Gyroscope => self.config.preset,
@@ -87,7 +58,7 @@ impl Source {
     }
 
     /// Which measurement model a triad has, if it is a secondary accelerometer.
-    pub(super) fn model(&self, sensor: Sensor) -> SecondaryModel {
+    pub(in crate::imu) fn model(&self, sensor: Sensor) -> SecondaryModel {
         match sensor {
             Sensor::Secondary(i) => {
                 self.config.secondary.get(i).and_then(|secondary| secondary.model).unwrap_or_default()
@@ -97,7 +68,7 @@ impl Source {
     }
 
     /// What its annotations are named after.
-    pub(super) fn name(&self) -> String {
+    pub(in crate::imu) fn name(&self) -> String {
         match &self.config.name {
             Some(name) if name.starts_with('/') => name.clone(),
             Some(name) => format!("/{name}"),
@@ -105,31 +76,20 @@ impl Source {
         }
     }
 
-    /// What a tap is to it.
-    pub(super) fn uses(&self, tap: &Tap) -> Use {
-        Use {
-            imu: self.name(),
-            sensor: tap.sensor,
-            name: tap.name.clone(),
-            path: tap.path.clone(),
-            axes: tap.axes.clone(),
-        }
-    }
-
     /// Topic of the accelerometer.
-    pub(super) fn topic(&self) -> &str {
+    pub(in crate::imu) fn topic(&self) -> &str {
         own_topic(&self.config.accel).unwrap_or(&self.config.topic)
     }
 
     /// Topics that it reads.
-    pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
+    pub(in crate::imu) fn topics(&self) -> impl Iterator<Item = &str> {
         let others = (0..self.config.secondary.len()).map(|i| self.secondary_topic(i));
         let reference = self.config.reference.iter().flat_map(|reference| reference.topics());
         [self.topic(), self.gyro_topic()].into_iter().chain(others).chain(reference)
     }
 
     /// Names and topics of its triads. A gyroscope may also be known from the type of the accelerometer's messages.
-    pub(super) fn triads(&self, known_gyro: bool) -> impl Iterator<Item = (Sensor, &str, &str)> {
+    pub(in crate::imu) fn triads(&self, known_gyro: bool) -> impl Iterator<Item = (Sensor, &str, &str)> {
         let accel = (Sensor::Accelerometer, "accelerometer", self.topic());
         let gyro = (Sensor::Gyroscope, "gyroscope", self.gyro_topic());
         let others = self.config.secondary.iter().enumerate();
@@ -139,18 +99,18 @@ impl Source {
     }
 
     /// Whether a reference is beside it.
-    pub(super) fn has_reference(&self) -> bool {
+    pub(in crate::imu) fn has_reference(&self) -> bool {
         self.config.reference.is_some()
     }
 
     /// How many secondary accelerometers it has.
-    pub(super) fn secondaries(&self) -> usize {
+    pub(in crate::imu) fn secondaries(&self) -> usize {
         self.config.secondary.len()
     }
 
     /// What it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
     /// those of the others.
-    pub(super) fn requests<'a>(&'a self, topic: &str, known: Option<&'a Known>) -> Vec<Request<'a>> {
+    pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a Known>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();
         let mut requests = Vec::new();
         let gyro = self.config.gyro.as_ref();

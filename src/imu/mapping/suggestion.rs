@@ -3,8 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
-use super::layout::Layout;
+use super::known_types::known;
+use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
+use crate::imu::schema::layout::Layout;
 
 /// What a channel looks like by the names in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,7 +18,7 @@ pub enum Suggestion {
 
 impl Suggestion {
     /// What the names on a channel of an unknown type tell.
-    pub(super) fn of(topic: &str, layout: &Layout) -> Option<Self> {
+    pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
         let candidates = candidates(layout);
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
         if let Some((name, accel)) = find(is_accel) {
@@ -46,7 +47,7 @@ impl Suggestion {
     }
 
     /// An IMU whose halves are topics of known types.
-    pub(super) fn of_halves(accel: &str, gyro: &str) -> Self {
+    pub(in crate::imu) fn of_halves(accel: &str, gyro: &str) -> Self {
         let gyro = VectorConfig { topic: Some(gyro.to_owned()), ..VectorConfig::default() };
         Self::Imu(ImuConfig { topic: accel.to_owned(), gyro: Some(gyro), ..ImuConfig::default() })
     }
@@ -69,7 +70,7 @@ impl Suggestion {
 
 /// The path to a message's only vector, for a configuration; none if the type is known by name.
 fn only_vector(layout: &Layout) -> Option<VectorConfig<AccelUnit>> {
-    if !super::known::known(layout).is_empty() {
+    if !known(layout).is_empty() {
         return None;
     }
     let path = layout.vectors().into_iter().next()?;

@@ -3,8 +3,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{AccelUnit, RateUnit, Sample, Sensor};
 use crate::Stamp;
+use crate::imu::config::{AccelUnit, RateUnit};
+use crate::imu::sample::{Sample, Sensor};
 
 /// The first readings of a triad.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use super::super::layout::{Count, Evolution, Field, Kind, Message};
 use super::parser::{Definition, Definitions, Struct, Type};
+use crate::imu::schema::layout::{Count, Evolution, Field, Kind, Message};
 
 /// The messages that the root needs, the root first; or what is wrong.
 pub(super) fn resolve(schema_name: &str, definitions: &Definitions) -> Result<Vec<Message>, String> {

@@ -4,11 +4,12 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::refusal::Cause;
 use super::route::{Route, Tap};
 use super::source::Source;
-use super::verdict::Cause;
-use super::{ImuId, Preset, Sensor};
-use crate::fit::SecondaryModel;
+use crate::imu::config::SecondaryModel;
+use crate::imu::preset::Preset;
+use crate::imu::sample::{ImuId, Sensor};
 
 /// An IMU that has been seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,7 +25,7 @@ pub struct Imu {
     /// Whether a reference is beside it.
     pub reference: bool,
     /// By [`Sensor::index`]: whether it has read nothing but zeros so far.
-    pub(super) silent: Vec<bool>,
+    pub(in crate::imu) silent: Vec<bool>,
 }
 
 /// One triad of an IMU.
@@ -43,7 +44,7 @@ pub struct Triad {
 }
 
 impl Triad {
-    pub(super) fn gyroscope(topic: &str) -> Self {
+    pub(in crate::imu) fn gyroscope(topic: &str) -> Self {
         Self {
             sensor: Sensor::Gyroscope,
             name: "gyroscope".to_owned(),
@@ -58,7 +59,7 @@ impl Triad {
 const MAX_FRAMES: usize = 16;
 
 /// Whose reading it is; nobody's before the accelerometer of the IMU has been seen.
-pub(super) fn owner(
+pub(in crate::imu) fn owner(
     source: &mut Source,
     imus: &mut Vec<Imu>,
     route: &mut Route,
@@ -93,7 +94,7 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
     if source.imus.len() >= MAX_FRAMES {
         return None;
     }
-    let id = ImuId(imus.len());
+    let id = ImuId::new(imus.len());
     let frame_id = String::from_utf8_lossy(frame).into_owned();
     let first = source.imus.is_empty();
     let gyro = route.taps.iter().any(|tap: &Tap| tap.sensor == Sensor::Gyroscope);
@@ -112,12 +113,17 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
 }
 
 /// Lets a value through, unless the triad has read nothing but zeros so far.
-pub(super) fn admit(imus: &mut [Imu], id: ImuId, sensor: Sensor, value: Vector3<f64>) -> Result<Vector3<f64>, Cause> {
+pub(in crate::imu) fn admit(
+    imus: &mut [Imu],
+    id: ImuId,
+    sensor: Sensor,
+    value: Vector3<f64>,
+) -> Result<Vector3<f64>, Cause> {
     // A reference may well say that nothing moves.
     if matches!(sensor, Sensor::Reference(_)) {
         return Ok(value);
     }
-    let silent = imus.get_mut(id.0).and_then(|imu| imu.silent.get_mut(sensor.index()));
+    let silent = imus.get_mut(id.index()).and_then(|imu| imu.silent.get_mut(sensor.index()));
     if let Some(silent @ true) = silent {
         *silent = is_zero(&value);
         if *silent {
@@ -139,6 +145,6 @@ fn free_name(base: String, frame: Option<&String>, imus: &[Imu]) -> String {
     std::iter::once(base.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(base)
 }
 
-pub(super) fn is_zero(value: &Vector3<f64>) -> bool {
+pub(in crate::imu) fn is_zero(value: &Vector3<f64>) -> bool {
     value.iter().all(|&axis| axis == 0.0)
 }

@@ -13,10 +13,10 @@ pub struct FieldPath(Vec<Segment>);
 
 /// One step of a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Segment {
-    pub(super) name: String,
+pub(in crate::imu) struct Segment {
+    pub(in crate::imu) name: String,
     /// Which element, if the field is a list.
-    pub(super) element: Option<u32>,
+    pub(in crate::imu) element: Option<u32>,
 }
 
 /// A path that is not written as one.
@@ -25,30 +25,30 @@ pub(super) struct Segment {
 pub struct PathSyntaxError(String);
 
 impl FieldPath {
-    pub(super) fn segments(&self) -> &[Segment] {
+    pub(in crate::imu) fn segments(&self) -> &[Segment] {
         &self.0
     }
 
     /// The path of a field of what `self` leads to.
-    pub(super) fn join(&self, name: &str) -> Self {
+    pub(in crate::imu) fn join(&self, name: &str) -> Self {
         let mut segments = self.0.clone();
         segments.push(Segment { name: name.to_owned(), element: None });
         Self(segments)
     }
 
     /// The path of what `inner` leads to inside what `self` leads to.
-    pub(super) fn within(&self, inner: &Self) -> Self {
+    pub(in crate::imu) fn within(&self, inner: &Self) -> Self {
         Self(self.0.iter().chain(&inner.0).cloned().collect())
     }
 
     /// The path of the message that holds the field; none for the message itself.
-    pub(super) fn parent(&self) -> Option<Self> {
+    pub(in crate::imu) fn parent(&self) -> Option<Self> {
         let (_, parent) = self.0.split_last()?;
         Some(Self(parent.to_vec()))
     }
 
     /// The same path with the last segment replaced by one element of it.
-    pub(super) fn element(&self, element: u32) -> Self {
+    pub(in crate::imu) fn element(&self, element: u32) -> Self {
         let mut segments = self.0.clone();
         if let Some(last) = segments.last_mut() {
             last.element = Some(element);
@@ -57,7 +57,7 @@ impl FieldPath {
     }
 
     /// The last name; empty for the message itself.
-    pub(super) fn name(&self) -> &str {
+    pub(in crate::imu) fn name(&self) -> &str {
         self.0.last().map_or("", |segment| &segment.name)
     }
 }

@@ -1,33 +1,44 @@
-//! A walk over the bytes of a protobuf message. What is looked for is left to [`Tagged`].
+//! A walk over the bytes of a protobuf message. What is looked for is its [`Tagged`].
 
-use super::{Bits, MAX_PARTS, Tagged, Take};
-use crate::imu::layout::{Coding, Number};
-use crate::imu::walk::Malformed;
+use super::plan::{Bits, MAX_PARTS, Tagged, Take};
+use super::wire;
+use crate::imu::decode::malformed::Malformed;
+use crate::imu::schema::layout::{Coding, Number};
 
-/// A walk over a message; it keeps, or locates, what is looked for.
-pub(super) struct Walk<'d, 'n, const LOCATE: bool> {
-    pub(super) data: &'d [u8],
-    pub(super) at: usize,
-    pub(super) numbers: &'n mut [f64],
-    pub(super) text: &'d [u8],
-    /// One bit for each [`Tagged::id`] that was met.
-    pub(super) begun: u32,
-    /// Elements of each list so far.
-    pub(super) counts: [u32; MAX_PARTS],
+impl Tagged {
+    /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
+    /// message or list around it is not there either.
+    pub(in crate::imu::decode) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
+        self.walk::<false>(data, numbers)
+    }
+
+    /// Finds where numbers of fixed size begin; NaN for every other, and for one that is not there.
+    pub(in crate::imu::decode) fn locate(&self, data: &[u8], places: &mut [f64]) -> Result<(), Malformed> {
+        self.walk::<true>(data, places).map(drop)
+    }
+
+    fn walk<'d, const LOCATE: bool>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
+        numbers.fill(f64::NAN);
+        let mut walk = Walk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
+        walk.message(self, data.len())?;
+        Ok(walk.text)
+    }
 }
 
-/// Kinds of encoded values.
-pub(super) mod wire {
-    pub(in super::super) const VARINT: u64 = 0;
-    pub(in super::super) const I64: u64 = 1;
-    pub(in super::super) const LEN: u64 = 2;
-    pub(in super::super) const GROUP: u64 = 3;
-    pub(in super::super) const END_GROUP: u64 = 4;
-    pub(in super::super) const I32: u64 = 5;
+/// A walk over a message; it keeps, or locates, what is looked for.
+struct Walk<'d, 'n, const LOCATE: bool> {
+    data: &'d [u8],
+    at: usize,
+    numbers: &'n mut [f64],
+    text: &'d [u8],
+    /// One bit for each [`Tagged::id`] that was met.
+    begun: u32,
+    /// Elements of each list so far.
+    counts: [u32; MAX_PARTS],
 }
 
 impl<const LOCATE: bool> Walk<'_, '_, LOCATE> {
-    pub(super) fn message(&mut self, message: &Tagged, end: usize) -> Result<(), Malformed> {
+    fn message(&mut self, message: &Tagged, end: usize) -> Result<(), Malformed> {
         // A message in parts is merged: only the first part begins with the defaults.
         if self.begun & 1 << message.id == 0 {
             self.begun |= 1 << message.id;
@@ -211,7 +222,7 @@ impl<const LOCATE: bool> Walk<'_, '_, LOCATE> {
 impl Number {
     /// How a single one is written.
     #[inline]
-    pub(super) fn wire(self, coding: Coding) -> u64 {
+    fn wire(self, coding: Coding) -> u64 {
         match (coding, self.size()) {
             (Coding::Varint | Coding::Zigzag, _) => wire::VARINT,
             (Coding::Fixed, 8) => wire::I64,

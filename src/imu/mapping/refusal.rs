@@ -1,72 +1,8 @@
-//! What the channels of a recording are used for, and what was refused at the door.
+//! Refusals of messages and readings: why, and how often.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-
-use super::path::FieldPath;
-use super::{Sensor, Suggestion};
-
-/// What a channel is used for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Verdict {
-    /// Samples are taken from it.
-    Used(Vec<Use>),
-    /// It says where the recording is made, and so how long gravity is.
-    Position,
-    /// It would be used, or might be, but cannot be read: why, in one line.
-    Skipped(String),
-    /// It is not an IMU as far as its type tells.
-    Other {
-        /// Paths of the vectors in its messages.
-        vectors: Vec<FieldPath>,
-        /// What it might be, where the names tell.
-        suggestion: Option<Box<Suggestion>>,
-    },
-    /// JSON without a schema, of which no message has been seen.
-    Untold,
-    /// Stillpoint wrote it.
-    Annotation,
-}
-
-/// One vector that is read from the messages of a channel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Use {
-    /// Output name of the IMU it belongs to; further IMUs on the same topic have their `frame_id` appended.
-    pub imu: String,
-    /// Which triad it is.
-    pub sensor: Sensor,
-    /// Name of the triad: `accelerometer`, `gyroscope`, or that of the secondary.
-    pub name: String,
-    /// Where it stands in the message.
-    pub path: String,
-    /// Where its x, y and z stand.
-    pub axes: [String; 3],
-}
-
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Used(uses) => {
-                for (i, Use { imu, name, path, .. }) in uses.iter().enumerate() {
-                    write!(f, "{}{name} of {imu} (", if i == 0 { "" } else { ", " })?;
-                    f.write_str(if path.is_empty() { "the message itself)" } else { path })?;
-                    f.write_str(if path.is_empty() { "" } else { ")" })?;
-                }
-                Ok(())
-            }
-            Self::Position => f.write_str("position, for the length of gravity"),
-            Self::Skipped(reason) => write!(f, "skipped: {reason}"),
-            Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),
-            Self::Other { vectors, .. } => {
-                let vectors: Vec<_> = vectors.iter().map(|path| format!("`{path}`")).collect();
-                write!(f, "not an IMU as far as its type tells; it has the vectors {}", vectors.join(", "))
-            }
-            Self::Untold => f.write_str("JSON without a schema, and no message that tells its fields"),
-            Self::Annotation => f.write_str("written by Stillpoint"),
-        }
-    }
-}
 
 /// Why a message or a reading is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -90,7 +26,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    pub(super) const ALL: [Self; 8] = [
+    pub(in crate::imu) const ALL: [Self; 8] = [
         Self::Malformed,
         Self::LogTime,
         Self::NotFinite,
@@ -153,17 +89,17 @@ pub struct Notice {
 
 /// Refusals by cause.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Counts([u64; Cause::ALL.len()]);
+pub(in crate::imu) struct Counts([u64; Cause::ALL.len()]);
 
 impl Counts {
     /// How often the cause has been counted, this time included.
-    pub(super) fn count(&mut self, cause: Cause) -> u64 {
+    pub(in crate::imu) fn count(&mut self, cause: Cause) -> u64 {
         let Some(count) = self.0.get_mut(cause as usize) else { return 0 };
         *count += 1;
         *count
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = (Cause, u64)> {
+    pub(in crate::imu) fn iter(&self) -> impl Iterator<Item = (Cause, u64)> {
         Cause::ALL.into_iter().zip(self.0).filter(|&(_, count)| count > 0)
     }
 }

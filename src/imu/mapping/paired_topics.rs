@@ -7,29 +7,29 @@ use super::route::Route;
 
 /// A channel that may be one half of an IMU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Half {
-    pub(super) topic: String,
-    pub(super) side: Side,
+pub(in crate::imu) struct Half {
+    pub(in crate::imu) topic: String,
+    pub(in crate::imu) side: Side,
     /// What the names of both halves have in common.
     key: String,
     /// Type of the messages, up to the side.
     family: String,
     /// The source of the IMU whose accelerometer it is.
-    pub(super) source: Option<usize>,
+    pub(in crate::imu) source: Option<usize>,
     /// What would take the readings of the gyroscope.
-    pub(super) gyro: Option<Route>,
+    pub(in crate::imu) gyro: Option<Route>,
 }
 
 /// Which triad a topic is named after.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Side {
+pub(in crate::imu) enum Side {
     Accelerometer,
     Gyroscope,
 }
 
 impl Half {
     /// A topic that is named after one of the triads.
-    pub(super) fn new(topic: &str, type_name: &str) -> Option<Self> {
+    pub(in crate::imu) fn new(topic: &str, type_name: &str) -> Option<Self> {
         let (side, key) = parted(&topic.to_lowercase())?;
         let lower = type_name.to_lowercase();
         let family = parted(&lower).map_or(lower, |(_, family)| family);
@@ -37,7 +37,7 @@ impl Half {
     }
 
     /// Whether the two are halves of one IMU.
-    pub(super) fn fits(&self, other: &Self) -> bool {
+    pub(in crate::imu) fn fits(&self, other: &Self) -> bool {
         self.side != other.side && self.key == other.key && self.family == other.family
     }
 }

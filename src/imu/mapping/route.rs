@@ -8,30 +8,32 @@ use std::ops::{Deref, Range};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::clock::{Clock, StampPlaces};
-use super::config::VectorPath;
-use super::decoder::Decoder;
-use super::known::{Known, Part};
-use super::layout::{Layout, Place};
-use super::lookup::PathError;
-use super::path::FieldPath;
-use super::source::Request;
-use super::verdict::{Cause, Counts};
-use super::{ImuId, Malformed, Sensor};
+use super::known_types::{Known, Part};
+use super::refusal::{Cause, Counts};
+use super::request::Request;
+use super::time_source::{Clock, StampPlaces};
+use super::verdict::Use;
 use crate::Stamp;
+use crate::imu::config::VectorPath;
+use crate::imu::decode::Decoder;
+use crate::imu::decode::malformed::Malformed;
+use crate::imu::sample::{ImuId, Sensor};
+use crate::imu::schema::layout::{Layout, Place};
+use crate::imu::schema::lookup::PathError;
+use crate::imu::schema::path::FieldPath;
 
 /// A channel that samples of an IMU are taken from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Route {
-    pub(super) topic: String,
+pub(in crate::imu) struct Route {
+    pub(in crate::imu) topic: String,
     /// Index of the source that asked.
-    pub(super) source: usize,
-    pub(super) taps: Vec<Tap>,
-    pub(super) counts: Counts,
+    pub(in crate::imu) source: usize,
+    pub(in crate::imu) taps: Vec<Tap>,
+    pub(in crate::imu) counts: Counts,
     /// The frames met so far, the first one always.
-    pub(super) frames: Vec<Vec<u8>>,
+    pub(in crate::imu) frames: Vec<Vec<u8>>,
     /// Whether the frames of this topic belong to the frames of the accelerometer's in the order in which they appear.
-    pub(super) in_order: bool,
+    pub(in crate::imu) in_order: bool,
     decoder: Decoder,
     clock: Clock,
     /// Index of the number that stands for the frame, if one does.
@@ -42,13 +44,13 @@ pub(super) struct Route {
 
 /// One vector of a message, and what the message says about it, by indices into the numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Tap {
-    pub(super) sensor: Sensor,
-    pub(super) name: String,
-    pub(super) path: String,
-    pub(super) axes: [String; 3],
-    pub(super) with_accel: bool,
-    pub(super) counts: Counts,
+pub(in crate::imu) struct Tap {
+    pub(in crate::imu) sensor: Sensor,
+    pub(in crate::imu) name: String,
+    pub(in crate::imu) path: String,
+    pub(in crate::imu) axes: [String; 3],
+    pub(in crate::imu) with_accel: bool,
+    pub(in crate::imu) counts: Counts,
     factor: f64,
     /// Its x; y and z follow.
     at: usize,
@@ -61,18 +63,18 @@ pub(super) struct Tap {
     /// The calibration that the driver applied to the last reading.
     last_round: Option<u64>,
     /// Whose reading the last message gave, if it gave one.
-    pub(super) last: Option<ImuId>,
+    pub(in crate::imu) last: Option<ImuId>,
 }
 
 /// Which sensor on a topic a message is from: its `frame_id`, or the digits of its device.
-pub(super) enum Frame<'d> {
+pub(in crate::imu) enum Frame<'d> {
     Text(Cow<'d, [u8]>),
     Digits { bytes: [u8; 20], len: usize },
 }
 
 /// Why a channel cannot serve a request.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum RouteError {
+pub(in crate::imu) enum RouteError {
     #[error(transparent)]
     Path(#[from] PathError),
     #[error("which field is the {name}? Set `{key}` to {vectors}")]
@@ -81,7 +83,7 @@ pub(super) enum RouteError {
 
 impl Route {
     /// Compiles the requests of a source, that for the accelerometer last.
-    pub(super) fn new(
+    pub(in crate::imu) fn new(
         topic: &str,
         layout: &Layout,
         known: Option<&Known>,
@@ -139,7 +141,7 @@ impl Route {
     }
 
     /// Reads one message: when it was measured, and by which sensor.
-    pub(super) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
+    pub(in crate::imu) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
         let text = self.decoder.read(data, &mut self.numbers)?;
         let frame = match self.device.and_then(|at| self.numbers.get(at)) {
             Some(&device) => Frame::digits(device as u64),
@@ -152,7 +154,7 @@ impl Route {
     }
 
     /// What a tap read from the last message, in m/s² or rad/s.
-    pub(super) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
+    pub(in crate::imu) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
         let numbers = self.numbers.get(tap.at..).unwrap_or_default();
         let Some(&[x, y, z]) = numbers.first_chunk() else { return Err(Cause::Malformed) };
         if self.number(tap.covariance) == Some(-1.0) {
@@ -168,7 +170,7 @@ impl Route {
 
     /// The last message, which is `data`, with other readings in m/s² or rad/s in the place of some; `None` if nothing
     /// changes, or nothing can.
-    pub(super) fn rewrite(
+    pub(in crate::imu) fn rewrite(
         &self,
         data: &[u8],
         mut change: impl FnMut(&Tap, Vector3<f64>) -> Option<Vector3<f64>>,
@@ -187,12 +189,12 @@ impl Route {
     }
 
     /// Whether the last message says that the reading of a tap is clipped.
-    pub(super) fn is_clipped(&self, tap: &Tap) -> bool {
+    pub(in crate::imu) fn is_clipped(&self, tap: &Tap) -> bool {
         self.numbers.get(tap.clipping.clone()).unwrap_or_default().iter().any(|&count| count > 0.0)
     }
 
     /// Whether the last message says that the driver began to apply another calibration.
-    pub(super) fn begins_round(&mut self, tap: usize) -> bool {
+    pub(in crate::imu) fn begins_round(&mut self, tap: usize) -> bool {
         let Some(at) = self.taps.get(tap).and_then(|tap| tap.round) else { return false };
         let round = self.number(Some(at)).map(|round| round as u64);
         let Some(tap) = self.taps.get_mut(tap) else { return false };
@@ -201,12 +203,19 @@ impl Route {
     }
 
     /// Whether its sensors are told apart by a number of their own.
-    pub(super) fn has_devices(&self) -> bool {
+    pub(in crate::imu) fn has_devices(&self) -> bool {
         self.device.is_some()
     }
 
     fn number(&self, at: Option<usize>) -> Option<f64> {
         self.numbers.get(at?).copied()
+    }
+}
+
+impl Tap {
+    /// What it is to the IMU of this name.
+    pub(in crate::imu) fn used_by(&self, imu: String) -> Use {
+        Use { imu, sensor: self.sensor, name: self.name.clone(), path: self.path.clone(), axes: self.axes.clone() }
     }
 }
 

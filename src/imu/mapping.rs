@@ -1,0 +1,14 @@
+//! Channels to IMUs: which vector of which topic is which triad of which IMU, and what speaks against it.
+
+pub(super) mod known_types;
+pub(super) mod paired_topics;
+pub(super) mod position;
+pub(super) mod refusal;
+pub(super) mod registry;
+pub(super) mod request;
+pub(super) mod route;
+pub(super) mod source;
+pub(super) mod suggestion;
+pub(super) mod time_source;
+pub(super) mod unit_guess;
+pub(super) mod verdict;

@@ -1,0 +1,70 @@
+//! Use that is made of a channel.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::imu::mapping::suggestion::Suggestion;
+use crate::imu::sample::Sensor;
+use crate::imu::schema::path::FieldPath;
+
+/// What a channel is used for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// Samples are taken from it.
+    Used(Vec<Use>),
+    /// It says where the recording is made, and so how long gravity is.
+    Position,
+    /// It would be used, or might be, but cannot be read: why, in one line.
+    Skipped(String),
+    /// It is not an IMU as far as its type tells.
+    Other {
+        /// Paths of the vectors in its messages.
+        vectors: Vec<FieldPath>,
+        /// What it might be, where the names tell.
+        suggestion: Option<Box<Suggestion>>,
+    },
+    /// JSON without a schema, of which no message has been seen.
+    Untold,
+    /// Stillpoint wrote it.
+    Annotation,
+}
+
+/// One vector that is read from the messages of a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Use {
+    /// Output name of the IMU it belongs to; further IMUs on the same topic have their `frame_id` appended.
+    pub imu: String,
+    /// Which triad it is.
+    pub sensor: Sensor,
+    /// Name of the triad: `accelerometer`, `gyroscope`, or that of the secondary.
+    pub name: String,
+    /// Where it stands in the message.
+    pub path: String,
+    /// Where its x, y and z stand.
+    pub axes: [String; 3],
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Used(uses) => {
+                for (i, Use { imu, name, path, .. }) in uses.iter().enumerate() {
+                    write!(f, "{}{name} of {imu} (", if i == 0 { "" } else { ", " })?;
+                    f.write_str(if path.is_empty() { "the message itself)" } else { path })?;
+                    f.write_str(if path.is_empty() { "" } else { ")" })?;
+                }
+                Ok(())
+            }
+            Self::Position => f.write_str("position, for the length of gravity"),
+            Self::Skipped(reason) => write!(f, "skipped: {reason}"),
+            Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),
+            Self::Other { vectors, .. } => {
+                let vectors: Vec<_> = vectors.iter().map(|path| format!("`{path}`")).collect();
+                write!(f, "not an IMU as far as its type tells; it has the vectors {}", vectors.join(", "))
+            }
+            Self::Untold => f.write_str("JSON without a schema, and no message that tells its fields"),
+            Self::Annotation => f.write_str("written by Stillpoint"),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Schema text to [`Layout`]: what the messages of a channel hold, out of ROS message definitions, IDL, protobuf
+//! descriptors, JSON Schema, or a first JSON message.
+
+mod descriptor;
+mod idl;
+mod jsonschema;
+pub(super) mod layout;
+pub(super) mod lookup;
+pub(super) mod path;
+mod rosmsg;
+
+use layout::{Layout, SchemaError, Wire};
+
+use crate::record::Schema;
+
+impl Layout {
+    /// The layout that a schema describes, for messages of the given encoding.
+    ///
+    /// # Errors
+    /// If the encoding is not read, or the schema is not understood or contradicts itself.
+    pub fn new(message_encoding: &str, schema: Option<&Schema>) -> Result<Self, SchemaError> {
+        let unread = |encoding: &str| Err(SchemaError::Encoding(encoding.into()));
+        let wire = match message_encoding {
+            "cdr" => Wire::Cdr,
+            "ros1" => Wire::Ros1,
+            "protobuf" => Wire::Protobuf,
+            "json" => Wire::Json,
+            "" => return unread("(none)"),
+            other => return unread(other),
+        };
+        let schema = match schema {
+            None if wire == Wire::Json => return Err(SchemaError::Untold),
+            schema => schema.ok_or_else(|| SchemaError::Missing(message_encoding.into()))?,
+        };
+        let messages = match (wire, schema.encoding.as_str()) {
+            (Wire::Cdr, "ros2msg") | (Wire::Ros1, "ros1msg") => rosmsg::parse(&schema.name, text(schema)?, wire)?,
+            (Wire::Cdr, "ros2idl" | "omgidl") => idl::parse(&schema.name, text(schema)?)?,
+            (Wire::Protobuf, "protobuf") => descriptor::parse(&schema.name, &schema.data)?,
+            (Wire::Json, "jsonschema") => jsonschema::parse(&schema.name, text(schema)?)?,
+            (Wire::Json, "") => return Err(SchemaError::Untold),
+            (_, language) => return unread(&format!("{message_encoding} with a {language} schema")),
+        };
+        Ok(Self { wire, messages })
+    }
+
+    /// The layout of JSON messages like this one; none if it is not a JSON object.
+    pub fn of_example(name: &str, data: &[u8]) -> Option<Self> {
+        Some(Self { wire: Wire::Json, messages: jsonschema::example(name, data)? })
+    }
+}
+
+fn text(schema: &Schema) -> Result<&str, SchemaError> {
+    std::str::from_utf8(&schema.data)
+        .map_err(|e| SchemaError::NotText { name: schema.name.clone(), offset: e.valid_up_to() })
+}
