@@ -39,6 +39,7 @@ pub mod engine;
 pub mod fit;
 pub mod imu;
 pub mod messages;
+pub mod pipeline;
 pub mod record;
 pub mod report;
 pub mod run;

@@ -2,8 +2,8 @@
 //!
 //! Learning from it is left to [`lesson`], writing to [`draft`]; what is said about it to the commands.
 
-mod draft;
-mod lesson;
+mod annotated_writer;
+mod split_learner;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,21 +11,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use self::draft::{Draft, Kept, write_sidecar};
-use self::lesson::Lesson;
-use super::bag::Contents;
-use super::correct::SecondReading;
-use super::input::Input;
-use super::learn::{Learned, not_corrected, uncorrected};
-use super::output::Written;
-use super::recording::Watch;
-use super::target::Target;
+use self::annotated_writer::{Draft, Kept, write_sidecar};
+use self::split_learner::Lesson;
 use crate::Error;
-use crate::annotate::{Annotator, Corrected, Corrections};
+use crate::annotate::{Corrected, Corrections};
 use crate::config::Config;
 use crate::imu::Verdict;
-use crate::record::{Block, Channel, Damage, Inventory, Topic};
+use crate::pipeline::correction_pass::CorrectionPass;
+use crate::pipeline::learner::{Learned, not_corrected, uncorrected};
+use crate::record::{Block, Channel, Damage, Event, Inventory, Topic};
 use crate::report::Findings;
+use crate::run::input::recording::{Listener, Watch};
+use crate::run::input::rosbag2::Contents;
+use crate::run::input::splits::Input;
+use crate::run::output::file::Written;
+use crate::run::output::set::Target;
 
 /// How to annotate.
 #[derive(Clone, Copy, Debug, Default)]
@@ -246,17 +246,20 @@ fn correct_all(
     if corrections.iter().all(Option::is_none) {
         return Ok(());
     }
-    let mut again = SecondReading::new(config, &mut learned.annotator, corrections);
+    let mut pass = CorrectionPass::new(config, &mut learned.annotator, corrections);
     let mut done = 0;
     for (index, (split, contents)) in input.splits.iter().zip(contents).enumerate() {
-        let keep = |annotator: &Annotator, block: Block| {
-            contents.count(annotator.topics(), &block);
-            keep(index, &block)
+        let keep = |topics: &[Topic], block: &Block| {
+            contents.count(topics, block);
+            keep(index, block)
         };
-        again.read(split, keep, &|at| watch(done + at))?;
+        let mut correcting = Correcting { pass: &mut pass, keep };
+        split.scan(&|at| watch(done + at), &mut correcting)?;
+        correcting.pass.end_split();
+        correcting.keep()?;
         done += split.length();
     }
-    let corrector = again.finish();
+    let corrector = pass.finish();
     let stuck = learned.imus.iter().filter(|imu| imu.calibration.is_some() && !corrector.has_written(&imu.name));
     learned.notes.extend(stuck.map(not_corrected));
     Ok(())
@@ -279,5 +282,29 @@ impl Report {
             damages: learned.damages,
             messages: read.map(messages).sum(),
         }
+    }
+}
+
+/// Hears a split that is corrected.
+struct Correcting<'p, 'a, K> {
+    pass: &'p mut CorrectionPass<'a>,
+    keep: K,
+}
+
+impl<K: FnMut(&[Topic], &Block) -> Result<(), Error>> Correcting<'_, '_, K> {
+    fn keep(&mut self) -> Result<(), Error> {
+        let blocks = self.pass.take_blocks();
+        blocks.iter().try_for_each(|block| (self.keep)(self.pass.topics(), block))
+    }
+}
+
+impl<K: FnMut(&[Topic], &Block) -> Result<(), Error>> Listener for Correcting<'_, '_, K> {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        self.pass.take(event);
+        self.keep()
+    }
+
+    fn is_useless(&self, channels: &[u16]) -> bool {
+        self.pass.is_useless(channels)
     }
 }

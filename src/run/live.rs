@@ -4,7 +4,7 @@
 //! No viewer can hold a tail up. Each has a queue of its own, and a slow one loses its oldest messages; one that takes
 //! nothing at all for many seconds is let go.
 
-mod earlier;
+mod previous_calibration;
 mod queue;
 mod session;
 

@@ -4,29 +4,30 @@
 //! Everything is a function of the recording's bytes; when they come, and how often the tail is killed meanwhile, only
 //! decides when the annotations are there.
 
-mod course;
-mod end;
+mod checkpoint;
+mod finish;
+mod follow;
+mod location;
 mod names;
-mod record;
-mod trail;
+mod state;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use self::course::Course;
+use self::location::Trail;
 pub use self::names::sidecar_of;
 pub(super) use self::names::{checkpoint_of, set_aside};
-use self::trail::Trail;
-use super::appending::Appending;
+use self::state::Course;
 use super::batch::{self, Options, Report};
-use super::checkpoint::{Checkpoint, Owner};
-use super::growing::Growing;
-use super::input::Input;
-use super::news::{Ending, News, Tell};
-use super::output::Written;
 use super::stop::Stop;
 use crate::Error;
 use crate::config::Config;
+use crate::pipeline::events::{Ending, News, Tell};
+use crate::run::input::growing_file::Growing;
+use crate::run::input::splits::Input;
+use crate::run::output::file::Written;
+use crate::run::output::sidecar_file::Appending;
+use crate::run::tail::checkpoint::{Checkpoint, Owner};
 
 /// Between two attempts at what is in the way.
 const RETRY: Duration = Duration::from_millis(500);

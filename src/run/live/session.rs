@@ -7,7 +7,7 @@ use std::sync::Arc;
 use foxglove::{ChannelBuilder, RawChannel};
 
 use super::Shared;
-use super::earlier::Earlier;
+use super::previous_calibration::Earlier;
 use super::queue::Item;
 use crate::Stamp;
 use crate::annotate::diagnostics::{self, Diagnostic, Level};

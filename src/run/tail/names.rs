@@ -15,12 +15,12 @@ pub fn sidecar_of(output: &Path) -> PathBuf {
 }
 
 /// Where it stands how far the following has come: beside the sidecar.
-pub(in crate::run) fn checkpoint_of(sidecar: &Path) -> PathBuf {
+pub(crate) fn checkpoint_of(sidecar: &Path) -> PathBuf {
     sidecar.with_extension("checkpoint")
 }
 
 /// Gives a result another name, since its recording has lost its own.
-pub(in crate::run) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
+pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
     let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();

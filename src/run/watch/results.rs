@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::found::Stamp;
-use super::{State, Watching, found};
+use super::discovery;
+use super::discovery::Stamp;
+use super::service::{State, Watching};
 use crate::Error;
 use crate::record::Kind;
-use crate::run::bag;
-use crate::run::input::Input;
-use crate::run::partial::Partial;
-use crate::run::recording::{Recording, Watch};
+use crate::run::input::recording::{Recording, Watch};
+use crate::run::input::rosbag2;
+use crate::run::input::splits::Input;
+use crate::run::output::partial::Partial;
 use crate::run::tail::{checkpoint_of, set_aside, sidecar_of};
 
 /// The file that says why a recording is left alone.
@@ -76,7 +77,7 @@ impl Watching {
 
     /// Whether nothing more is to be expected of a recording.
     pub(super) fn is_finished(&self, recording: &Path, stamp: &Stamp) -> bool {
-        stamp.is_idle(self.following.idle) || found::is_finished(recording)
+        stamp.is_idle(self.following.idle) || discovery::is_finished(recording)
     }
 
     pub(super) fn write(&self, quarantine: &Quarantine) -> Result<(), Error> {
@@ -121,9 +122,9 @@ fn original_length(output: &Path) -> Option<u64> {
     };
     match output.is_dir() {
         true => {
-            let files = bag::files(output).into_iter().map(|name| output.join(name));
+            let files = rosbag2::files(output).into_iter().map(|name| output.join(name));
             // What nothing was recorded into is there as it was.
-            let blank = |file: &Path| bag::is_blank(file).then(|| std::fs::metadata(file).ok()).flatten();
+            let blank = |file: &Path| rosbag2::is_blank(file).then(|| std::fs::metadata(file).ok()).flatten();
             files.map(|file| of_file(&file).or_else(|| Some(blank(&file)?.len()))).sum()
         }
         false => of_file(output),

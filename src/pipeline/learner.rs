@@ -1,0 +1,389 @@
+//! A recording's messages through intake, engines and annotator: what they teach, and the annotations that say so.
+//!
+//! Reading the messages is left to [`Recording`](crate::run::input::recording::Recording), writing the annotations to [`annotate`](crate::run::annotate()).
+
+mod engine_setup;
+mod notes;
+mod restore;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use self::engine_setup::{engine_config, topic_of};
+pub(crate) use self::notes::{missing, not_corrected, uncorrected};
+use crate::Stamp;
+use crate::annotate::{Annotator, Corrected, Corrections};
+use crate::config::Config;
+use crate::engine::{self, Engine, Message};
+use crate::fit::{Gravity, Place, Source};
+use crate::imu::{Fix, Imu, ImuId, Intake, Reading, Sensor, Verdict};
+use crate::messages::foxglove::Log;
+use crate::messages::foxglove::log::Level;
+use crate::pipeline::channel_ids::Roster;
+use crate::pipeline::correction::Corrector;
+use crate::pipeline::events::{News, Tell};
+use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Schema, Topic};
+use crate::report::Findings;
+
+/// Damages that are told one by one; of further ones only the number is kept.
+const DAMAGES: usize = 100;
+
+/// Learns from the events of a scan. Saved, it can be taken up again.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Learner {
+    /// The same for all of a recording.
+    #[serde(skip)]
+    config: Config,
+    intake: Intake,
+    /// Of this split.
+    schemas: BTreeMap<u16, Schema>,
+    roster: Roster,
+    /// What the damages of this split are told with, where there are several.
+    split: Option<String>,
+    imus: Vec<Learning>,
+    annotator: Annotator,
+    begun: bool,
+    closed: bool,
+    #[serde(skip)]
+    blocks: Vec<Block>,
+    channels: Vec<Channel>,
+    /// Names of their schemas.
+    kinds: Vec<String>,
+    corrector: Corrector,
+    damage: Vec<Damage>,
+    damages: u64,
+    /// Of the last message.
+    log_time: u64,
+    /// Where the recording is made, once it has said so.
+    place: Option<Place>,
+    #[serde(skip)]
+    readings: Vec<(ImuId, Sensor, Reading)>,
+    #[serde(skip)]
+    events: Vec<engine::Event>,
+}
+
+/// One IMU while it is learned.
+#[derive(Serialize, Deserialize)]
+struct Learning {
+    engine: Engine,
+    /// Not saved: the annotations say the same.
+    #[serde(skip)]
+    findings: Findings,
+    /// By the calibration in force.
+    corrections: Option<Corrections>,
+}
+
+/// What a recording taught.
+#[derive(Debug)]
+pub(crate) struct Learned {
+    pub(crate) imus: Vec<Findings>,
+    /// Every channel, and what it was used for.
+    pub(crate) channels: Vec<(Channel, Verdict)>,
+    /// What was refused or missed, one line each.
+    pub(crate) notes: Vec<String>,
+    /// What the configuration names and the recording lacks, of the notes.
+    pub(crate) missing: Vec<String>,
+    /// The first ones.
+    pub(crate) damage: Vec<Damage>,
+    pub(crate) damages: u64,
+    /// Has all topics, and can go on.
+    pub(crate) annotator: Annotator,
+}
+
+impl Learner {
+    pub(crate) fn new(config: &Config) -> Self {
+        Self {
+            config: config.clone(),
+            intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
+            schemas: BTreeMap::new(),
+            roster: Roster::default(),
+            split: None,
+            begun: false,
+            closed: false,
+            kinds: Vec::new(),
+            imus: Vec::new(),
+            annotator: Annotator::new(config.output.encoding.in_profile("")),
+            blocks: Vec::new(),
+            channels: Vec::new(),
+            corrector: Corrector::default(),
+            damage: Vec::new(),
+            damages: 0,
+            log_time: 0,
+            place: None,
+            readings: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    /// Tells of the channels so far once more.
+    pub(crate) fn tell_channels(&self, tell: Tell<'_>) {
+        for channel in &self.channels {
+            tell(News::Channel { channel, schema: self.schemas.get(&channel.schema_id) });
+        }
+    }
+
+    /// Tells how each IMU stands.
+    pub(crate) fn tell_imus(&self, tell: Tell<'_>) {
+        for Learning { engine, findings, .. } in &self.imus {
+            tell(News::Imu { findings, status: engine.status() });
+        }
+    }
+
+    /// Takes an event of the scan, and tells what is new.
+    pub(crate) fn take(&mut self, event: Event<'_>, tell: Tell<'_>) {
+        match event {
+            Event::Header { profile, .. } if !self.begun => {
+                self.begun = true;
+                self.annotator = Annotator::new(self.config.output.encoding.in_profile(profile));
+            }
+            Event::Schema(schema) => {
+                self.schemas.insert(schema.id, schema.clone());
+            }
+            Event::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id);
+                if let Some(channel) = self.roster.enlist(channel, schema) {
+                    self.intake.channel(&channel, schema);
+                    self.corrector.channel(&channel, schema);
+                    tell(News::Channel { channel: &channel, schema });
+                    self.channels.push(channel);
+                    self.kinds.push(schema.map(|schema| schema.name.clone()).unwrap_or_default());
+                    for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
+                        learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
+                    }
+                }
+            }
+            Event::Message(message) => {
+                self.log_time = message.log_time;
+                let message = Recorded { channel: self.roster.id(message.channel), ..message };
+                if self.intake.wants(message.channel) {
+                    self.message(&message, tell);
+                    self.correct(&message, tell);
+                }
+            }
+            Event::ChunkEnd => {
+                let block = self.annotator.input_chunk_ended();
+                self.blocks.extend(block);
+            }
+            Event::Damage(mut damage) => {
+                if let Some(split) = &self.split {
+                    damage.what = format!("{split}: {}", damage.what);
+                }
+                self.log(Level::Warning, damage.to_string(), tell);
+                tell(News::Damage(&damage));
+                self.damages += 1;
+                if self.damage.len() < DAMAGES {
+                    self.damage.push(damage);
+                }
+            }
+            Event::Header { .. } | Event::Read { .. } | Event::Chunk { .. } | Event::Wait | Event::End => {}
+        }
+    }
+
+    /// Whether messages on these channels, all of them known, teach nothing.
+    pub(crate) fn is_useless(&self, channels: &[u16]) -> bool {
+        channels.iter().all(|&id| self.roster.knows(id) && !self.intake.wants(self.roster.id(id)))
+    }
+
+    /// Hands over the blocks that were closed since the last time, so that they do not pile up.
+    pub(crate) fn take_blocks(&mut self) -> impl Iterator<Item = Block> {
+        self.blocks.drain(..)
+    }
+
+    /// Whether there are blocks that nobody took yet.
+    pub(crate) fn has_blocks(&self) -> bool {
+        !self.blocks.is_empty()
+    }
+
+    /// Topics of the annotations so far.
+    pub(crate) fn topics(&self) -> &[Topic] {
+        self.annotator.topics()
+    }
+
+    /// A split begins, of several if it has a name.
+    pub(crate) fn begin_split(&mut self, name: Option<String>, is_first: bool) {
+        self.split = name;
+        self.schemas.clear();
+        if !is_first {
+            self.roster.begin_split();
+        }
+    }
+
+    /// A split has ended: no block reaches over into the next.
+    pub(crate) fn end_split(&mut self) {
+        let last = self.annotator.finish();
+        self.blocks.extend(last);
+    }
+
+    /// Whether an IMU has been seen.
+    pub(crate) fn has_imu(&self) -> bool {
+        !self.imus.is_empty()
+    }
+
+    /// Every channel so far, what it is used for, and the name of its schema.
+    pub(crate) fn channels(&self) -> impl Iterator<Item = (&Channel, &Verdict, &str)> + Clone {
+        let channels = self.channels.iter().zip(&self.kinds);
+        channels.map(|(channel, kind)| (channel, self.intake.verdict(channel.id), kind.as_str()))
+    }
+
+    /// What the configuration names and the recording lacks so far, one line each.
+    pub(crate) fn missing(&self) -> Vec<String> {
+        missing(&self.intake)
+    }
+
+    /// The last split has ended, too.
+    pub(crate) fn close(&mut self, tell: Tell<'_>) {
+        self.closed = true;
+        for i in 0..self.imus.len() {
+            if let Some(imu) = self.imus.get_mut(i) {
+                imu.engine.finish(&mut self.events);
+            }
+            self.publish(i, tell);
+        }
+        self.end_split();
+    }
+
+    /// What the recording taught.
+    pub(crate) fn finish(mut self, tell: Tell<'_>) -> Learned {
+        if !self.closed {
+            self.close(tell);
+        }
+        let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
+        let causal = self.config.output.corrected == Corrected::Causal;
+        let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
+        let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
+        let missing = self.missing();
+        let notes = faults.chain(missing.iter().cloned()).chain(stuck).collect();
+        let verdict = |channel: Channel| {
+            let verdict = self.intake.verdict(channel.id).clone();
+            (channel, verdict)
+        };
+        Learned {
+            imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
+            channels: self.channels.into_iter().map(verdict).collect(),
+            notes,
+            missing,
+            damage: self.damage,
+            damages: self.damages,
+            annotator: self.annotator,
+        }
+    }
+
+    fn message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+        if let Some(fix) = self.intake.fix(message.channel, message.data) {
+            self.locate(fix, tell);
+        }
+        let readings = &mut self.readings;
+        let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
+        self.intake.message(message.channel, message.log_time, message.data, &mut keep);
+        let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
+        tell(News::Message { message, samples: samples.count() });
+        for imu in self.intake.imus().iter().skip(self.imus.len()) {
+            let mut engine = Engine::new(engine_config(imu, &self.config));
+            self.place.into_iter().for_each(|place| engine.locate(place));
+            let findings = self.nothing_of(imu);
+            self.imus.push(Learning { engine, findings, corrections: None });
+        }
+        for notice in self.intake.take_notices() {
+            self.log(Level::Warning, notice.text, tell);
+        }
+        for i in 0..self.readings.len() {
+            let Some(&(imu, sensor, reading)) = self.readings.get(i) else { break };
+            let imu = imu.index();
+            let Some(learning) = self.imus.get_mut(imu) else { continue };
+            match reading {
+                Reading::Sample(sample) => learning.engine.push(sensor, &sample, &mut self.events),
+                Reading::Clipped(stamp) => learning.engine.clipped(sensor, stamp),
+                Reading::NewRound { stamp, log_time } => {
+                    learning.engine.begin_round(sensor, stamp, log_time, &mut self.events);
+                }
+            }
+            if !self.events.is_empty() {
+                self.publish(imu, tell);
+            }
+        }
+        self.readings.clear();
+    }
+
+    /// Writes the corrected message, by the calibrations in force.
+    fn correct(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+        if self.config.output.corrected == Corrected::Causal {
+            let by = |imu: ImuId| self.imus.get(imu.index()).and_then(|imu| imu.corrections.as_ref());
+            let tell = |annotator: &Annotator| {
+                if let Some((topic, annotation)) = last_of(annotator) {
+                    tell(News::Corrected { topic, annotation });
+                }
+            };
+            self.corrector.correct(message, &self.intake, by, &mut self.annotator, &mut self.blocks, tell);
+        }
+    }
+
+    /// The recording has said where it is made.
+    fn locate(&mut self, Fix { latitude_deg, height_m }: Fix, tell: Tell<'_>) {
+        let place = Place { latitude_deg, height_m };
+        self.place = Some(place);
+        self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
+        if self.config.fit.gravity.is_none() && self.config.fit.latitude_deg.is_none() {
+            let gravity = Gravity::at(&place, Source::FixTopic);
+            let height = height_m.map(|height| format!(" and {height:.0} m")).unwrap_or_default();
+            let text =
+                format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
+            self.log(Level::Info, text, tell);
+        }
+    }
+
+    /// What is known of an IMU before anything was learned.
+    fn nothing_of(&self, imu: &Imu) -> Findings {
+        Findings { source_type: self.source_type(&imu.topic), ..Findings::new(&imu.name, &imu.topic) }
+    }
+
+    /// Type of the messages on a topic.
+    fn source_type(&self, topic: &str) -> String {
+        let kind = self.channels().find(|(channel, ..)| channel.topic == topic).map(|(.., kind)| kind);
+        kind.unwrap_or_default().to_owned()
+    }
+
+    /// Annotates the events of an IMU.
+    fn publish(&mut self, imu: usize, tell: Tell<'_>) {
+        let name = self.intake.imus().get(imu).map_or("", |imu| &imu.name);
+        let mut left = None;
+        for event in self.events.drain(..) {
+            self.blocks.extend(self.annotator.push(name, &event));
+            tell_of(&self.annotator, name, &event, tell);
+            let Some(learning) = self.imus.get_mut(imu) else { continue };
+            learning.findings.note(&event);
+            if let Message::Calibration(calibration) = &event.message
+                && self.config.output.corrected == Corrected::Causal
+            {
+                let first = learning.corrections.is_none();
+                let corrections = learning.corrections.insert(Corrections::of(calibration));
+                left = left.or_else(|| uncorrected(name, corrections).filter(|_| first));
+            }
+        }
+        if let Some(text) = left {
+            self.log(Level::Info, text, tell);
+        }
+    }
+
+    /// A line in the recording's log.
+    fn log(&mut self, level: Level, message: String, tell: Tell<'_>) {
+        let timestamp = Some(Stamp::from_log_time(self.log_time).into());
+        let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
+        let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
+        self.blocks.extend(self.annotator.push("", &event));
+        tell_of(&self.annotator, "", &event, tell);
+    }
+}
+
+/// Tells of the annotation that was added last.
+fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'_>) {
+    if let Some((topic, annotation)) = last_of(annotator) {
+        tell(News::Annotation { imu, topic, annotation, event });
+    }
+}
+
+/// The annotation that was added last, and its topic.
+fn last_of(annotator: &Annotator) -> Option<(&Topic, &Annotation)> {
+    let annotation = annotator.open().last()?;
+    Some((annotator.topics().get(annotation.topic)?, annotation))
+}

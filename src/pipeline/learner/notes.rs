@@ -1,0 +1,31 @@
+//! What is said of a recording as a whole.
+
+use crate::annotate::Corrections;
+use crate::imu::{Intake, MissingTopic};
+use crate::report::Findings;
+
+/// Why there are no corrected messages of an IMU that was calibrated.
+pub(crate) fn not_corrected(imu: &Findings) -> String {
+    format!("{}: no message could be corrected: its readings are integers, which cannot hold the result", imu.name)
+}
+
+/// Which readings stay as they are in corrected messages, in words, if any do.
+pub(crate) fn uncorrected(name: &str, corrections: &Corrections) -> Option<String> {
+    let left = corrections.undetermined();
+    let list = left.join(", ");
+    (!left.is_empty()).then(|| {
+        format!(
+            "{name}: corrected messages leave what is not determined, or depends on what the other sensor reads at that \
+             instant, as it is: {list}"
+        )
+    })
+}
+
+/// What the configuration names and the recording lacks, one line each.
+pub(crate) fn missing(intake: &Intake) -> Vec<String> {
+    let line = |missing: MissingTopic| {
+        let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
+        format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
+    };
+    intake.missing_topics().into_iter().map(line).collect()
+}

@@ -1,0 +1,111 @@
+//! Learning from a recording, split by split, and keeping what is to be written behind each.
+
+use super::Options;
+use super::annotated_writer::Kept;
+use crate::Error;
+use crate::config::Config;
+use crate::pipeline::learner::Learner;
+use crate::record::{Event, Inventory};
+use crate::run::input::recording::{Listener, Recording, Watch};
+use crate::run::input::rosbag2::Contents;
+use crate::run::input::splits::Input;
+use crate::run::inspect::topics::no_imu;
+
+/// What is learned of a recording while its splits are read.
+pub(super) struct Lesson<'a> {
+    input: &'a Input,
+    pub(super) learner: Learner,
+    options: Options,
+    /// Bytes of the splits that have been read.
+    pub(super) done: u64,
+    /// Messages in the recording.
+    pub(super) messages: u64,
+    /// Of the splits with their annotations.
+    pub(super) contents: Vec<Contents>,
+}
+
+impl<'a> Lesson<'a> {
+    pub(super) fn new(input: &'a Input, config: &Config, options: Options) -> Self {
+        let learner = Learner::new(config);
+        Self { input, learner, options, done: 0, messages: 0, contents: Vec::new() }
+    }
+
+    /// Learns from the next split; what is to be written is kept where there is a place for it.
+    pub(super) fn read(
+        &mut self,
+        index: usize,
+        split: &Recording,
+        kept: Option<&mut Kept>,
+        watch: Watch<'_>,
+    ) -> Result<Inventory, Error> {
+        let Self { input, learner, .. } = self;
+        learner.begin_split(input.split_names().nth(index), index == 0);
+        let contents = Contents::default();
+        let mut listening = Listening { learner, kept, contents, verify: self.options.verify };
+        let inventory = split.scan(watch, &mut listening)?;
+        let is_last = index + 1 == input.splits.len();
+        if is_last {
+            for (name, damage) in input.blank() {
+                listening.learner.end_split();
+                listening.learner.begin_split(Some(name.clone()), false);
+                listening.learner.take(Event::Damage(damage.clone()), &mut |_| {});
+            }
+            listening.learner.close(&mut |_| {});
+        } else {
+            listening.learner.end_split();
+        }
+        listening.keep()?;
+        let Listening { learner, mut contents, .. } = listening;
+        if is_last && !self.options.allow_no_imu && !learner.has_imu() {
+            return Err(no_imu(input.path(), &learner.missing(), learner.channels()));
+        }
+
+        self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();
+        contents.add(&Contents::of(&inventory));
+        self.contents.push(contents);
+        self.done += split.length();
+        Ok(inventory)
+    }
+}
+
+/// Hears a split.
+struct Listening<'l, 'k> {
+    learner: &'l mut Learner,
+    kept: Option<&'k mut Kept>,
+    /// What there is of annotations.
+    contents: Contents,
+    verify: bool,
+}
+
+impl Listening<'_, '_> {
+    /// Keeps what has been learned.
+    fn keep(&mut self) -> Result<(), Error> {
+        let Self { learner, kept, contents, .. } = self;
+        let blocks: Vec<_> = learner.take_blocks().collect();
+        blocks.iter().try_for_each(|block| {
+            contents.count(learner.topics(), block);
+            kept.as_mut().map_or(Ok(()), |kept| kept.block(block))
+        })
+    }
+}
+
+impl Listener for Listening<'_, '_> {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        self.learner.take(event, &mut |_| {});
+        self.keep()
+    }
+
+    fn indexes(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
+        let Some(kept) = &mut self.kept else { return Ok(()) };
+        kept.indexes.push(chunks)?;
+        if reindexed.is_empty() { Ok(()) } else { kept.reindexed.push_item(reindexed) }
+    }
+
+    fn verifies(&self) -> bool {
+        self.verify
+    }
+
+    fn is_useless(&self, channels: &[u16]) -> bool {
+        !self.verify && self.learner.is_useless(channels)
+    }
+}

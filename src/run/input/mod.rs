@@ -1,0 +1,10 @@
+//! Recordings on disk: one as the user names it, its files, and the reading of them.
+
+pub(crate) mod growing_file;
+mod prefetch;
+pub(crate) mod recording;
+pub(crate) mod rosbag2;
+pub(crate) mod splits;
+
+pub use recording::{Listener, Watch};
+pub use splits::Input;

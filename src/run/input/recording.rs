@@ -1,0 +1,352 @@
+//! A recording on disk: opening it, and reading it through a scan. What its messages mean is left to the caller.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::SystemTime;
+
+use crate::Error;
+use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, Scan, recognise, recognise_scanned};
+use crate::run::input::prefetch::{Ahead, open_chunks};
+use crate::run::output::in_place::{self, Access};
+
+/// Reads of less would cost more than the bytes (1 MiB).
+const READ: usize = 1 << 20;
+/// How much is read behind a chunk at first (4 KiB).
+const LEAST: usize = 4 << 10;
+/// More threads than this hardly read faster.
+const THREADS: usize = 8;
+
+/// To be called between pieces of work with the bytes of the recording that are done; an error gives the work up.
+pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
+
+/// A recording, wherever its bytes stand in the file.
+#[derive(Debug)]
+pub struct Recording {
+    file: File,
+    path: PathBuf,
+    original: Original,
+    /// Length and time of the last change, when it was opened.
+    state: (u64, SystemTime),
+}
+
+impl Recording {
+    /// Opens a file. All of it is the recording.
+    ///
+    /// # Errors
+    ///
+    /// If it is missing, empty, not a file, or may not be read.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::open_for(path, Access::Read)
+    }
+
+    fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
+        let metadata = std::fs::metadata(path).map_err(Error::io("read", path))?;
+        if !metadata.is_file() {
+            return Err(Error::input(path, "is not a regular file; save it as one first"));
+        }
+        let file = in_place::open(path, access)?;
+        let state = state(&file).map_err(Error::io("read", path))?;
+        Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })
+    }
+
+    /// A recording that is open already, and has this length.
+    pub(crate) fn of_file(file: File, path: &Path, length: u64) -> Self {
+        Self { file, path: path.to_owned(), original: Original::whole(length), state: (length, SystemTime::UNIX_EPOCH) }
+    }
+
+    /// The original in it, if Stillpoint annotated it.
+    pub(crate) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
+        match self.kind()? {
+            Kind::Annotated { original, .. } => {
+                let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+                Ok(Some(Self { file, path: self.path.clone(), original, state: self.state }))
+            }
+            Kind::Sidecar { .. } => Err(self.is_a_sidecar()),
+            Kind::Recording | Kind::Edited { .. } => self.original_within(inventory),
+        }
+    }
+
+    fn is_a_sidecar(&self) -> Error {
+        Error::input(&self.path, "holds annotations alone; name the recording they belong to")
+    }
+
+    /// Opens a file. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if the file holds annotations alone.
+    pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
+        let file = Self::open_for(path, access)?;
+        match file.kind()? {
+            Kind::Recording => Ok(file),
+            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            Kind::Sidecar { .. } => Err(file.is_a_sidecar()),
+            Kind::Edited { why } => {
+                let path = path.display();
+                tracing::warn!("{path}: was annotated, then edited by another program ({why}); what it added stays");
+                Ok(file)
+            }
+        }
+    }
+
+    /// Opens a file that Stillpoint annotated. The recording is the original in it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
+    pub fn open_annotated(path: &Path) -> Result<Self, Error> {
+        let file = Self::open(path)?;
+        let mut kind = file.kind()?;
+        if kind == Kind::Recording {
+            let inventory = file.scan(&|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
+            kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
+        }
+        match kind {
+            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            Kind::Recording => Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip")),
+            Kind::Sidecar { .. } => Err(Error::input(path, "holds annotations alone: there is no original in it")),
+            Kind::Edited { why } => {
+                Err(Error::input(path, format!("was edited since it was annotated ({why}): the original is lost")))
+            }
+        }
+    }
+
+    /// What determined the annotations in the file, if Stillpoint wrote it and nobody touched it since.
+    pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
+        Ok(match self.recognise(|bytes| recognise(bytes, self.length()))? {
+            Kind::Annotated { settings, .. } | Kind::Sidecar { settings } => Some(settings),
+            Kind::Recording | Kind::Edited { .. } => None,
+        })
+    }
+
+    /// The original in an annotated recording that lost its end, which only a scan can tell.
+    pub(crate) fn original_within(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
+        if self.original != Original::whole(self.length()) {
+            return Ok(None);
+        }
+        match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
+            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..self.again()? })),
+            _ => Ok(None),
+        }
+    }
+
+    /// The same open file once more, which keeps its lock.
+    pub(crate) fn again(&self) -> Result<Self, Error> {
+        let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+        Ok(Self { file, path: self.path.clone(), original: self.original.clone(), state: self.state })
+    }
+
+    /// Log time of the first message, in nanoseconds; `None` without messages.
+    pub(crate) fn first_log_time(&self) -> Result<Option<u64>, Error> {
+        let mut first = None;
+        let found = self.scan(&|_| Ok(()), &mut |event: Event<'_>| match event {
+            Event::Message(message) => {
+                first = Some(message.log_time);
+                Err(Error::Stopped)
+            }
+            _ => Ok(()),
+        });
+        match found {
+            Err(error) if first.is_none() => Err(error),
+            _ => Ok(first),
+        }
+    }
+
+    /// Whether its file is still as long and as old as when it was opened.
+    pub(crate) fn is_unchanged(&self) -> bool {
+        state(&self.file).is_ok_and(|state| state == self.state)
+    }
+
+    /// Refuses it if it is not.
+    pub(crate) fn check_unchanged(&self) -> Result<(), Error> {
+        match self.is_unchanged() {
+            true => Ok(()),
+            false => Err(Error::input(&self.path, "changed while it was read: is it still being recorded?")),
+        }
+    }
+
+    /// Who wrote it, as far as its end tells.
+    pub(crate) fn kind(&self) -> Result<Kind, Error> {
+        self.recognise(|bytes| recognise(bytes, self.length()))
+    }
+
+    fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
+        look(&mut Bytes(&self.file)).map_err(|e| Error::input(&self.path, e.to_string()))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its length in bytes.
+    pub fn length(&self) -> u64 {
+        self.original.length()
+    }
+
+    /// The file that its bytes stand in.
+    pub(crate) fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Where in the file a range of the recording stands, one part behind the other.
+    pub(crate) fn parts(&self, range: Range<u64>) -> impl Iterator<Item = Range<u64>> + use<> {
+        self.original.pieces(range)
+    }
+
+    /// Fills `buffer` with the bytes from `offset` on.
+    ///
+    /// # Errors
+    ///
+    /// If the system refuses, or the file has become shorter.
+    pub(crate) fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> Result<(), Error> {
+        let mut rest = buffer;
+        for part in self.parts(offset..offset + rest.len() as u64) {
+            let (now, later) = rest.split_at_mut((part.end - part.start) as usize);
+            self.file.read_exact_at(now, part.start).map_err(Error::io("read", &self.path))?;
+            rest = later;
+        }
+        match rest.is_empty() {
+            true => Ok(()),
+            false => Err(Error::io("read", &self.path)(io::ErrorKind::UnexpectedEof.into())),
+        }
+    }
+
+    /// Reads a range in blocks.
+    ///
+    /// # Errors
+    ///
+    /// If the system refuses, or what `watch` returns.
+    pub(crate) fn read(&self, range: Range<u64>, watch: Watch<'_>, mut each: impl FnMut(&[u8])) -> Result<(), Error> {
+        let mut buffer = vec![0; READ.min(range.end.saturating_sub(range.start) as usize)];
+        let mut from = range.start;
+        while from < range.end {
+            watch(from)?;
+            buffer.truncate((range.end - from) as usize);
+            self.read_exact_at(&mut buffer, from)?;
+            each(&buffer);
+            from += buffer.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Reads it, passing on what the scan tells. Chunks are opened by several threads.
+    ///
+    /// # Errors
+    ///
+    /// If it is not MCAP, if the system refuses, or what `watch` or the listener returns.
+    pub fn scan(&self, watch: Watch<'_>, listener: &mut impl Listener) -> Result<Inventory, Error> {
+        let (work, jobs) = channel();
+        let jobs = Mutex::new(jobs);
+        thread::scope(|scope| {
+            for _ in 0..thread::available_parallelism().map_or(1, usize::from).min(THREADS) {
+                scope.spawn(|| open_chunks(&jobs, self));
+            }
+            self.scan_with(Ahead::new(self, work), watch, listener)
+        })
+    }
+
+    fn scan_with(
+        &self,
+        mut ahead: Ahead<'_>,
+        watch: Watch<'_>,
+        listener: &mut impl Listener,
+    ) -> Result<Inventory, Error> {
+        let length = self.length();
+        let mut scan = Scan::finished(length).offering_chunks();
+        if listener.verifies() {
+            scan = scan.verifying();
+        }
+        // Between chunks there is little to read, elsewhere much.
+        let mut block = LEAST;
+        loop {
+            match scan.next_event().map_err(|e| Error::input(&self.path, e.to_string()))? {
+                Event::Read { offset, length: wanted } => {
+                    watch(offset)?;
+                    let size = (length - offset).min(wanted.max(block) as u64) as usize;
+                    self.read_exact_at(scan.insert(size), offset)?;
+                    scan.notify_read(size);
+                    block = (2 * block).min(READ);
+                }
+                Event::Chunk { offset, length } => {
+                    watch(offset)?;
+                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
+                    scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
+                    let is_useless = |channels: &[u16]| listener.is_useless(channels);
+                    let supply = ahead.supply(offset, length, scan.inventory(), is_useless)?;
+                    scan.supply(supply);
+                    block = LEAST;
+                }
+                Event::Wait | Event::End => {
+                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
+                    return Ok(scan.into_inventory());
+                }
+                event => listener.event(event)?,
+            }
+        }
+    }
+}
+
+/// Whom a scan tells what it finds.
+pub trait Listener {
+    /// What was found; no [`Read`](Event::Read), [`Chunk`](Event::Chunk), [`Wait`](Event::Wait) or [`End`](Event::End).
+    ///
+    /// # Errors
+    ///
+    /// Anything, to give the work up.
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
+
+    /// Takes chunk indexes, and chunks whose message indexes are damaged. A fold will want both back.
+    ///
+    /// # Errors
+    ///
+    /// Anything, to give the work up.
+    fn indexes(&mut self, _chunks: &[u8], _reindexed: &[u8]) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Whether all of the recording is to be checked; then no chunk must be useless.
+    fn verifies(&self) -> bool {
+        false
+    }
+
+    /// Whether chunks with messages on these channels alone need not be read. Must not depend on chance.
+    fn is_useless(&self, _channels: &[u16]) -> bool {
+        false
+    }
+}
+
+impl<F: FnMut(Event<'_>) -> Result<(), Error>> Listener for F {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        self(event)
+    }
+}
+
+fn state(file: &File) -> io::Result<(u64, SystemTime)> {
+    let metadata = file.metadata()?;
+    Ok((metadata.len(), metadata.modified()?))
+}
+
+struct Bytes<'a>(&'a File);
+
+impl ReadAt for Bytes<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(buffer, offset)
+    }
+}
+
+/// The bytes of a recording, wherever they stand in its file.
+pub(crate) struct Within<'a>(pub(crate) &'a Recording);
+
+impl ReadAt for Within<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(buffer, offset).map_err(io::Error::other)
+    }
+}

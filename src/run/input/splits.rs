@@ -1,0 +1,215 @@
+//! One recording as the user names it: a file, several that are one, or a rosbag2 folder. Reading its files is left to
+//! [`Recording`], what they mean to the caller.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::record::{Damage, Event};
+use crate::run::input::recording::{Recording, Watch};
+use crate::run::input::rosbag2::{self, Bag, is_blank};
+use crate::run::output::in_place::Access;
+
+/// A recording: the files that it consists of, its splits, in the order of time.
+#[derive(Debug)]
+pub struct Input {
+    path: PathBuf,
+    pub(crate) splits: Vec<Recording>,
+    pub(crate) bag: Option<Bag>,
+    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    blank: Vec<(String, Damage)>,
+}
+
+impl Input {
+    /// Opens a file or rosbag2 folder. All that is in it is the recording.
+    ///
+    /// # Errors
+    ///
+    /// If it is missing, empty, no recording, or may not be read.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::each(path, Recording::open)
+    }
+
+    /// Opens a file or rosbag2 folder. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if it holds annotations alone.
+    pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
+        Self::each(path, |file| Recording::open_original(file, access))
+    }
+
+    /// Opens a file or rosbag2 folder that Stillpoint annotated. The recording is the original in it.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
+    pub fn open_annotated(path: &Path) -> Result<Self, Error> {
+        let input = Self::each(path, Recording::open_annotated)?;
+        match &input.bag {
+            Some(bag) if !bag.is_annotated() => {
+                Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip"))
+            }
+            _ => Ok(input),
+        }
+    }
+
+    /// The same, but a folder that its recorder has not finished consists of the files that are there.
+    pub(crate) fn as_it_is(path: &Path) -> Result<Self, Error> {
+        if path.is_dir() && !rosbag2::is_finished(path) {
+            return Self::all(Bag::unfinished(path), |file| Recording::open_original(file, Access::Read));
+        }
+        Self::open_original(path, Access::Read)
+    }
+
+    /// A recording that is open.
+    pub(crate) fn of(recording: Recording) -> Self {
+        Self { path: recording.path().to_owned(), splits: vec![recording], bag: None, blank: Vec::new() }
+    }
+
+    /// Opens files that are one recording: the originals in them, in the order of their first messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`open_original`](Self::open_original).
+    pub fn join(paths: &[PathBuf], access: Access) -> Result<Self, Error> {
+        let (mut splits, mut blank) = (Vec::new(), Vec::new());
+        for (index, path) in paths.iter().enumerate() {
+            if path.is_dir() {
+                return Err(Error::input(path, "is a folder, which is one recording already; --join takes files"));
+            }
+            if index > 0 && is_blank(path) {
+                blank.push(damage(path)?);
+                continue;
+            }
+            let split = Recording::open_original(path, access)?;
+            splits.push((split.first_log_time()?, split));
+        }
+        // Those without messages stay where they were named, as far as that goes.
+        splits.sort_by_key(|&(first, _)| first.unwrap_or_default());
+        let splits = splits.into_iter().map(|(_, split)| split).collect();
+        Ok(Self { path: paths.first().cloned().unwrap_or_default(), splits, bag: None, blank })
+    }
+
+    fn each(path: &Path, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
+        match path.is_dir() {
+            true => Self::all(Bag::open(path)?, open),
+            false => Ok(Self { path: path.to_owned(), splits: vec![open(path)?], bag: None, blank: Vec::new() }),
+        }
+    }
+
+    fn all(bag: Bag, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
+        let path = bag.folder().to_owned();
+        let splits = bag.names().map(|name| open(&path.join(name))).collect::<Result<_, _>>()?;
+        let blank = bag.blank().map(|name| damage(&path.join(name))).collect::<Result<_, _>>()?;
+        Ok(Self { path, splits, bag: Some(bag), blank })
+    }
+
+    /// Where it is: the folder, or the first of several files.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its length in bytes, that of all files together.
+    pub fn length(&self) -> u64 {
+        self.splits.iter().map(Recording::length).sum()
+    }
+
+    /// Whether it is a folder.
+    pub fn is_folder(&self) -> bool {
+        self.bag.is_some()
+    }
+
+    /// Its files, without those in which nothing was recorded.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.splits.iter().map(Recording::path)
+    }
+
+    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    pub(crate) fn blank(&self) -> &[(String, Damage)] {
+        &self.blank
+    }
+
+    /// Whether another one holds the same bytes.
+    pub(crate) fn is_same(&self, other: &Self, watch: Watch<'_>) -> Result<bool, Error> {
+        if !self.splits.iter().map(Recording::length).eq(other.splits.iter().map(Recording::length)) {
+            return Ok(false);
+        }
+        for (split, other) in self.splits.iter().zip(&other.splits) {
+            let (mut at, mut same, mut read) = (0, true, Ok(()));
+            split.read(0..split.length(), watch, |bytes| {
+                let mut found = vec![0; bytes.len()];
+                if same && read.is_ok() {
+                    read = other.read_exact_at(&mut found, at);
+                    same = found == bytes;
+                    at += bytes.len() as u64;
+                }
+            })?;
+            read?;
+            if !same {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Names of the files, if there are several.
+    pub(crate) fn split_names(&self) -> impl Iterator<Item = String> {
+        let several = self.splits.len() > 1;
+        let name = |split: &Recording| split.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        self.splits.iter().filter(move |_| several).map(name)
+    }
+
+    /// What determined the annotations, if there are any in it.
+    pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
+        self.splits.first().map_or(Ok(None), Recording::settings)
+    }
+
+    /// The same with another recording in the place of a split.
+    pub(crate) fn with_split(&self, index: usize, split: Recording) -> Result<Self, Error> {
+        let mut splits = self.splits.iter().map(Recording::again).collect::<Result<Vec<_>, _>>()?;
+        splits.splice(index..=index, [split]);
+        Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone(), blank: self.blank.clone() })
+    }
+
+    /// Reads all of it, split by split.
+    ///
+    /// # Errors
+    ///
+    /// If a split is not MCAP, if the system refuses, or what `watch` or `each` returns.
+    pub(crate) fn scan(
+        &self,
+        watch: Watch<'_>,
+        mut each: impl FnMut(Read<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut done = 0;
+        for split in &self.splits {
+            split.scan(&|at| watch(done + at), &mut |event: Event<'_>| each(Read::Event(event)))?;
+            each(Read::SplitEnd)?;
+            done += split.length();
+        }
+        for (name, damage) in &self.blank {
+            let damage = Damage { what: format!("{name}: {}", damage.what), ..damage.clone() };
+            each(Read::Event(Event::Damage(damage)))?;
+        }
+        Ok(())
+    }
+}
+
+/// What is wrong with a file in which nothing was recorded, behind others in which something was.
+fn damage(file: &Path) -> Result<(String, Damage), Error> {
+    let length = std::fs::metadata(file).map_err(Error::io("read", file))?.len();
+    let what = match length {
+        0 => "is empty: nothing was recorded into it",
+        _ => "does not begin like an MCAP recording: nothing was recorded into it, or it is lost",
+    };
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok((name, Damage { offset: 0, length, what: what.to_owned() }))
+}
+
+/// What is read of a recording.
+pub(crate) enum Read<'a> {
+    Event(Event<'a>),
+    /// A split has ended.
+    SplitEnd,
+}

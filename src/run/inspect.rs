@@ -1,0 +1,12 @@
+//! What stands in a recording, for people: its topics, what it taught, and the original in an annotated one.
+
+mod closing_summary;
+mod findings;
+mod report_data;
+mod strip;
+pub(crate) mod topics;
+
+pub use findings::{Found, findings};
+pub use report_data::{Stories, stories};
+pub use strip::strip;
+pub use topics::{Channels, Use, channels};

@@ -1,0 +1,156 @@
+//! What the first messages of the channels show, in words, and what that changes in the configuration that is offered.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use super::{Look, Stamped, Use, head};
+use crate::config::Config;
+use crate::imu::{AccelUnit, ImuConfig, Looks, Peek, Reading, Relation, Sensor};
+use crate::record::Event;
+use crate::run::input::recording::{Recording, Watch};
+use crate::{Error, Stamp};
+
+/// Looks at the first messages, those of suggested topics as if they were mapped, and remarks on what they show.
+pub(super) fn peek(
+    recording: &Recording,
+    config: &Config,
+    watch: Watch<'_>,
+    channels: &mut [Use],
+) -> Result<(), Error> {
+    let suggested = channels.iter().filter_map(|used| used.configuration.clone());
+    let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
+    let mut look = Look::new(&Config { imu: imus, ..config.clone() });
+    let mut peeks: BTreeMap<(usize, usize), (Sensor, Peek)> = BTreeMap::new();
+    let mut stamped = BTreeMap::new();
+    head(recording, watch, |event| {
+        let Event::Message(message) = event else {
+            look.take(event);
+            return false;
+        };
+        let mut measured = None;
+        look.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
+            if let Reading::Sample(sample) = reading {
+                measured = Some(sample.stamp);
+                peeks.entry((imu.index(), sensor.index())).or_insert((sensor, Peek::default())).1.push(sample);
+            }
+        });
+        if let (Some(measured), Entry::Vacant(new)) = (measured, stamped.entry(message.channel)) {
+            let logged = Stamp::from_log_time(message.log_time);
+            let is_near = |stamp: Stamp| stamp.seconds_since(logged).abs() < 3600.0;
+            let messages = look.stamp(&message).is_some_and(is_near);
+            new.insert(Stamped { samples: is_near(measured), messages });
+        }
+        // A topic that begins later is not waited for.
+        !peeks.is_empty() && peeks.values().all(|(_, peek)| !peek.wants_more())
+    })?;
+    for used in channels.iter_mut() {
+        used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
+    }
+    let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
+        let triads = &look.intake.imus().get(imu)?.triads;
+        let topic = triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();
+        Some(Peeked { topic, imu, sensor, peek })
+    });
+    let peeks: Vec<_> = named.collect();
+    peeks.iter().for_each(|peeked| remark_on_unit(peeked, config, channels));
+    let accelerometers = peeks.iter().filter(|peeked| peeked.sensor == Sensor::Accelerometer);
+    for (i, one) in accelerometers.clone().enumerate() {
+        for other in accelerometers.clone().skip(i + 1).filter(|other| other.imu != one.imu) {
+            if let Some(relation) = one.peek.relation(&other.peek) {
+                remark_on_twins(&one.topic, &other.topic, relation, channels);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The first readings of one triad.
+struct Peeked {
+    topic: String,
+    imu: usize,
+    sensor: Sensor,
+    peek: Peek,
+}
+
+/// Says in which unit a triad seems to be, and puts it into the configuration that is offered.
+fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, channels: &mut [Use]) {
+    let Some(rest) = peek.at_rest() else { return };
+    let Some(used) = channels.iter_mut().find(|used| used.channel.topic == *topic) else { return };
+    let name = if *sensor == Sensor::Gyroscope { "gyroscope" } else { "accelerometer" };
+    let offered = used.configuration.is_some();
+    let says = |text: String| format!("{name}: {text}");
+    if peek.alternates() {
+        let turns = "each reading is far from the one before and near the one before that: two sensors take turns; give them topics, or frame_ids, of their own";
+        used.remarks.push(says(turns.to_owned()));
+    }
+    let remark = match peek.looks(*sensor) {
+        Looks::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
+        Looks::Right => return,
+        Looks::Accel(unit) => {
+            let unit_name = if unit == AccelUnit::StandardGravity { "g" } else { "m/s^2" };
+            set_unit(used, config, |imu| imu.accel.get_or_insert_default().unit = unit);
+            says(format!(
+                "reads {rest:.2} at rest: not m/s² but g, or the other way round; the lines below say {unit_name}"
+            ))
+        }
+        Looks::Rate(unit) => {
+            set_unit(used, config, |imu| imu.gyro.get_or_insert_default().unit = unit);
+            says(format!("reads {rest:.2} at rest: too much for rad/s; the lines below say deg/s"))
+        }
+        Looks::Thousandths(unit) => {
+            let unit = if unit == AccelUnit::StandardGravity { "g" } else { "m/s²" };
+            says(format!(
+                "reads {rest:.0} at rest: thousandths of {unit}, which no setting converts; record it in m/s² or g"
+            ))
+        }
+        Looks::Unknown if *sensor == Sensor::Gyroscope => return,
+        Looks::Unknown => says(format!(
+            "reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity removed?"
+        )),
+    };
+    used.remarks.push(remark);
+}
+
+/// Changes the configuration that is offered, that which is there, or that of a topic that has needed none.
+fn set_unit(used: &mut Use, config: &Config, change: impl FnOnce(&mut ImuConfig)) {
+    let topic = &used.channel.topic;
+    let present = config.imu.iter().find(|imu| imu.topic == *topic).cloned();
+    let imu = used
+        .configuration
+        .get_or_insert_with(|| present.unwrap_or_else(|| ImuConfig { topic: topic.clone(), ..ImuConfig::default() }));
+    change(imu);
+}
+
+/// Says which of two topics of one sensor to use.
+fn remark_on_twins(one: &str, other: &str, relation: Relation, channels: &mut [Use]) {
+    let is_raw = |topic: &str| topic.to_lowercase().contains("raw");
+    let is_corrected = |topic: &str| ["correct", "calib"].iter().any(|word| topic.to_lowercase().contains(word));
+    let corrects = |twin: &str, raw: &str| is_raw(raw) && !is_raw(twin) || is_corrected(twin) && !is_corrected(raw);
+    let (raw, twin) = if corrects(one, other) { (other, one) } else { (one, other) };
+    let known = corrects(twin, raw) && !corrects(raw, twin);
+    let (of_raw, of_twin) = match (relation, known) {
+        (Relation::Same, true) => (
+            format!("{twin} repeats it, value for value: use this one"),
+            format!("repeats {raw}, value for value: use {raw}"),
+        ),
+        (Relation::Same, false) => (
+            format!("{twin} repeats it, value for value: one of them suffices"),
+            format!("repeats {raw}, value for value: one of them suffices"),
+        ),
+        (Relation::Affine, true) => (
+            format!("the raw readings of {twin}: use this one, its calibration is the sensor's"),
+            format!("{raw} corrected (same stamps, a matrix and an offset apart): use {raw}"),
+        ),
+        (Relation::Affine, false) => (
+            format!("the same sensor as {twin}, a matrix and an offset apart: use the one that is not corrected"),
+            format!("the same sensor as {raw}, a matrix and an offset apart: use the one that is not corrected"),
+        ),
+    };
+    for used in channels {
+        if used.channel.topic == raw {
+            used.remarks.push(of_raw.clone());
+        } else if used.channel.topic == twin {
+            used.remarks.push(of_twin.clone());
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! Messages corrected by an earlier calibration, until the recording's own stands. They are shown and not written: what
+//! is written is a function of the recording.
+
+use std::collections::BTreeMap;
+
+use crate::annotate::Corrections;
+use crate::config::Config;
+use crate::imu::{ImuId, Intake};
+use crate::messages::Calibration;
+use crate::pipeline::correction::Corrector;
+use crate::record::{Annotation, Channel, Message, Schema, Topic};
+use crate::report::{Findings, same};
+
+/// Corrects the messages of one recording.
+pub(super) struct Earlier {
+    calibrations: Vec<Findings>,
+    intake: Intake,
+    corrector: Corrector,
+    /// By output name of the IMU; nothing for those whose corrected messages are written.
+    by: BTreeMap<String, Option<Corrections>>,
+    are_written: bool,
+}
+
+impl Earlier {
+    pub(super) fn new(calibrations: Vec<Findings>, config: &Config) -> Self {
+        Self {
+            calibrations,
+            intake: Intake::new(&config.imu),
+            corrector: Corrector::default(),
+            by: BTreeMap::new(),
+            are_written: config.output.corrected == crate::annotate::Corrected::Causal,
+        }
+    }
+
+    pub(super) fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) {
+        self.intake.channel(channel, schema);
+        self.corrector.channel(channel, schema);
+    }
+
+    /// The corrected forms of a message, one for each IMU that it is of.
+    pub(super) fn correct(&mut self, message: &Message<'_>) -> Vec<(Topic, Annotation)> {
+        self.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
+        self.intake.take_notices();
+        for imu in self.intake.imus() {
+            if !self.by.contains_key(&imu.name) {
+                let then = same(&self.calibrations, &imu.name, &imu.topic);
+                let corrections = then.and_then(|then| then.calibration.as_ref()).map(Corrections::of);
+                self.by.insert(imu.name.clone(), corrections);
+            }
+        }
+        let by = |id: ImuId| self.by.get(&self.intake.imus().get(id.index())?.name)?.as_ref();
+        let change = |id, sensor, value| by(id)?.correct(sensor, value);
+        let rewritten = self.intake.rewrite(message.channel, message.data, change);
+        let annotation = |data| Annotation { topic: 0, sequence: 0, log_time: message.log_time, data };
+        let topic = |source| self.corrector.topic(message.channel, source);
+        rewritten.into_iter().filter_map(|(source, data)| Some((topic(source)?, annotation(data)))).collect()
+    }
+
+    /// The recording's own calibration stands.
+    pub(super) fn calibrated(&mut self, imu: &str, calibration: &Calibration) {
+        let own = (!self.are_written).then(|| Corrections::of(calibration));
+        self.by.insert(imu.to_owned(), own);
+    }
+}

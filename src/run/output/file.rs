@@ -1,0 +1,208 @@
+//! Where a result goes: into a new file, into the recording itself, or nowhere, if it is there already.
+//!
+//! What the result consists of is left to [`record`](crate::record).
+
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::Error;
+use crate::record::Piece;
+use crate::run::input::recording::Recording;
+use crate::run::output::in_place::{self, Access};
+use crate::run::output::partial::{Partial, is_end};
+use crate::run::output::spill::Spill;
+
+/// Large enough for the kernel, small enough to stop between two (64 MiB).
+const COPY: u64 = 64 << 20;
+
+/// Takes a result, piece by piece.
+pub(crate) struct Output {
+    path: PathBuf,
+    medium: Medium,
+}
+
+enum Medium {
+    New(Partial),
+    /// What exists, and how far it equals the result.
+    Existing(File, u64),
+    /// The recording itself: where it changes, and all that is to follow, before anything is changed.
+    Itself(u64, File),
+}
+
+/// What became of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Written {
+    /// It was written.
+    Now,
+    /// It existed, and is what would have been written.
+    Before,
+}
+
+impl Written {
+    /// Of two outputs together.
+    pub(crate) fn and(self, other: Self) -> Self {
+        if self == Self::Now { self } else { other }
+    }
+}
+
+impl Output {
+    /// The output of that name. One that exists is replaced with `force`, and compared without.
+    pub(crate) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+        let medium = match std::fs::metadata(path) {
+            Ok(metadata) if metadata.is_dir() => {
+                return Err(Error::input(path, "is a folder; name a file with -o or use --out-dir"));
+            }
+            Ok(metadata) if !metadata.is_file() => return Err(Error::input(path, "is not a regular file")),
+            Ok(_) => {
+                let existing = in_place::open(path, Access::Read)?;
+                if force { Medium::New(Partial::create(path)?) } else { Medium::Existing(existing, 0) }
+            }
+            // A link that leads nowhere.
+            Err(_) if !force && path.symlink_metadata().is_ok() => return Err(Error::Exists(path.to_owned())),
+            Err(_) if force => Medium::New(Partial::create(path)?),
+            Err(_) => Medium::New(Partial::create_new(path)?),
+        };
+        Ok(Self { path: path.to_owned(), medium })
+    }
+
+    /// The file that the recording stands in, which must have been opened for [`Access::Change`].
+    pub(crate) fn itself(recording: &Recording) -> Result<Self, Error> {
+        in_place::check(recording.file(), recording.path())?;
+        let path = recording.path().to_owned();
+        let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned)).unwrap_or_default();
+        let staged = tempfile::tempfile_in(folder).map_err(Error::io("write beside", &path))?;
+        Ok(Self { path, medium: Medium::Itself(0, staged) })
+    }
+
+    /// Copies the recording ahead of the pieces, since the result mostly begins with it. May run while another thread
+    /// reads the recording; `abandon` stops it.
+    pub(crate) fn copy_ahead(&self, recording: &Recording, abandon: &AtomicBool) -> Result<(), Error> {
+        let Medium::New(partial) = &self.medium else { return Ok(()) };
+        let mut from = 0;
+        while from < recording.length() && !abandon.load(Ordering::Relaxed) {
+            let until = recording.length().min(from + COPY);
+            copy(recording, from..until, partial.file()).map_err(Error::io("write", &self.path))?;
+            from = until;
+        }
+        Ok(())
+    }
+
+    /// Where it is.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Takes the first piece, the beginning of the recording, which was [copied ahead](Self::copy_ahead).
+    pub(crate) fn keep(&mut self, range: Range<u64>, recording: &Recording) -> Result<(), Error> {
+        match &mut self.medium {
+            Medium::New(partial) => {
+                let mut file = partial.file();
+                let cut = file.set_len(range.end).and_then(|()| file.seek(SeekFrom::Start(range.end)));
+                cut.map(|_| ()).map_err(Error::io("write", &self.path))
+            }
+            Medium::Existing(..) => self.put(&Piece::Original(range), recording),
+            Medium::Itself(from, _) => {
+                // What stands in its place already needs no change.
+                let stays =
+                    recording.parts(range.clone()).next().filter(|part| part.start == 0).map_or(0, |part| part.end);
+                *from = stays;
+                self.put(&Piece::Original(stays..range.end), recording)
+            }
+        }
+    }
+
+    /// Takes a piece of the result.
+    pub(crate) fn put(&mut self, piece: &Piece, recording: &Recording) -> Result<(), Error> {
+        match (&mut self.medium, piece) {
+            (Medium::New(partial), piece) => {
+                append(piece, recording, partial.file()).map_err(Error::io("write", &self.path))
+            }
+            (Medium::Itself(_, staged), piece) => {
+                append(piece, recording, staged).map_err(Error::io("write beside", &self.path))
+            }
+            (Medium::Existing(file, equal), piece) => {
+                *equal = compare(file, *equal, piece, recording)?.ok_or_else(|| Error::Exists(self.path.clone()))?;
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes the last pieces, with what stands in the place of [`Piece::Indexes`].
+    pub(crate) fn close(&mut self, pieces: Vec<Piece>, mut indexes: Spill, recording: &Recording) -> Result<(), Error> {
+        for piece in pieces {
+            match piece {
+                Piece::Indexes(_) => indexes.read(|bytes| self.put(&Piece::Bytes(bytes.to_vec()), recording))?,
+                piece => self.put(&piece, recording)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// The result is complete.
+    pub(crate) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
+        match self.medium {
+            Medium::New(partial) => partial.finish(sync).map(|()| Written::Now),
+            Medium::Itself(from, staged) => {
+                if is_end(recording.file(), from, &staged).map_err(Error::io("read", &self.path))? {
+                    return Ok(Written::Before);
+                }
+                recording.check_unchanged()?;
+                in_place::replace_end(recording.file(), &self.path, from, &staged).map(|()| Written::Now)
+            }
+            Medium::Existing(file, equal) if file.metadata().is_ok_and(|m| m.len() == equal) => Ok(Written::Before),
+            Medium::Existing(..) => Err(Error::Exists(self.path)),
+        }
+    }
+}
+
+fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()> {
+    match piece {
+        Piece::Original(range) => copy(recording, range.clone(), to),
+        Piece::Bytes(bytes) => to.write_all(bytes),
+        // Comes as bytes from where it is kept.
+        Piece::Indexes(_) => Ok(()),
+    }
+}
+
+/// Between two files the kernel copies by itself, or shares the blocks where the file system can.
+fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
+    let mut from = recording.file();
+    for part in recording.parts(range) {
+        from.seek(SeekFrom::Start(part.start))?;
+        let length = part.end - part.start;
+        if io::copy(&mut from.take(length), &mut to)? != length {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+    }
+    Ok(())
+}
+
+/// Where the next piece must stand if `piece` stands at `at`; `None` if it does not.
+fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
+    let equal = |at: u64, bytes: &[u8]| {
+        let mut found = vec![0; bytes.len()];
+        file.read_exact_at(&mut found, at).is_ok() && found == bytes
+    };
+    match piece {
+        Piece::Indexes(_) => Ok(Some(at)),
+        Piece::Bytes(bytes) => Ok(equal(at, bytes).then_some(at + bytes.len() as u64)),
+        Piece::Original(range) => {
+            let mut from = range.start;
+            let mut buffer = vec![0; 1 << 20];
+            while from < range.end {
+                let length = (range.end - from).min(buffer.len() as u64) as usize;
+                let Some(bytes) = buffer.get_mut(..length) else { break };
+                recording.read_exact_at(bytes, from)?;
+                if !equal(at + (from - range.start), bytes) {
+                    return Ok(None);
+                }
+                from += length as u64;
+            }
+            Ok(Some(at + (range.end - range.start)))
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! A folder as a result: written under another name and renamed when all in it is whole, or compared with the one that
+//! is there. What is written into it is left to the caller.
+
+use std::fs::{File, TryLockError};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+
+use crate::Error;
+use crate::run::input::rosbag2::{self, Bag};
+use crate::run::output::file::{Output, Written};
+use crate::run::output::partial::{Partial, sync_folder};
+
+/// A folder that is to be the result.
+#[derive(Debug)]
+pub(crate) struct Folder {
+    path: PathBuf,
+    /// Where it is written, and what keeps others from doing so; nowhere if it is there already.
+    new: Option<(PathBuf, File)>,
+    finished: bool,
+}
+
+impl Folder {
+    /// The folder of that name. One that exists is replaced with `force`, and compared without.
+    pub(crate) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+        let exists = path.symlink_metadata().is_ok();
+        if exists && !path.is_dir() {
+            return Err(Error::input(path, "is a file, but the result is a folder; choose another name"));
+        }
+        if exists && force && !is_recording(path) {
+            return Err(Error::input(path, "holds more than a recording; choose another name"));
+        }
+        let new = if exists && !force { None } else { Some(create(path)?) };
+        Ok(Self { path: path.to_owned(), new, finished: false })
+    }
+
+    fn place(&self) -> &Path {
+        self.new.as_ref().map_or(&self.path, |(place, _)| place)
+    }
+
+    /// An output in it.
+    pub(crate) fn output(&self, name: &str) -> Result<Output, Error> {
+        let path = self.place().join(name);
+        match self.new.is_some() || path.exists() {
+            true => Output::open(&path, self.new.is_some()),
+            false => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// A small file in it.
+    pub(crate) fn put(&self, name: &str, text: &str, sync: bool) -> Result<(), Error> {
+        let path = self.place().join(name);
+        if self.new.is_some() {
+            return write(&path, text, sync);
+        }
+        match std::fs::read(&path) {
+            Ok(found) if found == text.as_bytes() => Ok(()),
+            _ => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// A file of a recording as it is.
+    pub(crate) fn copy(&self, bag: &Bag, name: &str, sync: bool) -> Result<(), Error> {
+        let (from, path) = (bag.folder().join(name), self.place().join(name));
+        if self.new.is_some() {
+            std::fs::copy(&from, &path).map_err(Error::io("write", &path))?;
+            let synced = if sync { File::open(&path).and_then(|file| file.sync_all()) } else { Ok(()) };
+            return synced.map_err(Error::io("write", &path));
+        }
+        let length = |path: &Path| std::fs::metadata(path).map(|metadata| metadata.len());
+        match (length(&from), length(&path)) {
+            (Ok(from), Ok(found)) if from == found => Ok(()),
+            _ => Err(Error::Exists(self.path.clone())),
+        }
+    }
+
+    /// All that belongs into it is there.
+    pub(crate) fn finish(mut self, sync: bool) -> Result<Written, Error> {
+        let Some((place, _)) = &self.new else { return Ok(Written::Before) };
+        let refused = |e| Error::io("write", &self.path)(e);
+        if sync {
+            File::open(place).and_then(|folder| folder.sync_all()).map_err(refused)?;
+        }
+        if self.path.exists() {
+            self.replace(place)?;
+        } else {
+            std::fs::rename(place, &self.path).map_err(refused)?;
+            self.finished = true;
+        }
+        if sync {
+            sync_folder(&self.path).map_err(refused)?;
+        }
+        Ok(Written::Now)
+    }
+
+    /// Takes the place of the folder that is there, which must hold one recording and nothing else. What was there is removed when this is
+    /// dropped, and by the next run if this one is killed.
+    fn replace(&self, place: &Path) -> Result<(), Error> {
+        let refused = |e| Error::io("write", &self.path)(e);
+        let listed = rosbag2::listed(&self.path).unwrap_or_default();
+        for entry in std::fs::read_dir(&self.path).map_err(refused)? {
+            let name = entry.map_err(refused)?.file_name();
+            let name = name.to_string_lossy();
+            let belongs = place.join(&*name).exists() || listed.iter().any(|known| *known == name);
+            if !belongs && !name.ends_with(".partial") {
+                let why = format!("holds {name}, which would be lost: move it, or choose another name");
+                return Err(Error::input(&self.path, why));
+            }
+        }
+        match renameat_with(CWD, place, CWD, &self.path, RenameFlags::EXCHANGE) {
+            // Not every file system knows how.
+            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
+                let aside = with_suffix(&self.path, ".replaced");
+                std::fs::rename(&self.path, &aside).map_err(Error::io("write", &aside))?;
+                std::fs::rename(place, &self.path).map_err(refused)?;
+                std::fs::rename(&aside, place).map_err(refused)
+            }
+            done => Ok(done.map_err(|e| refused(e.into()))?),
+        }
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Some((place, _)) = self.new.take()
+            && !self.finished
+        {
+            // There is nobody to tell, and the next run takes over what could not be removed.
+            let _ = std::fs::remove_dir_all(place);
+        }
+    }
+}
+
+/// Writes a small file, whole or not at all.
+pub(crate) fn write(path: &Path, text: &str, sync: bool) -> Result<(), Error> {
+    let partial = Partial::create(path)?;
+    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
+    partial.finish(sync)
+}
+
+/// An empty folder beside `path`, locked. One that a killed run left is taken over.
+fn create(path: &Path) -> Result<(PathBuf, File), Error> {
+    let place = with_suffix(path, ".partial");
+    let refused = |e| Error::io("write", path)(e);
+    loop {
+        match std::fs::create_dir(&place) {
+            Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => return Err(refused(e)),
+            _ => {}
+        }
+        let Ok(lock) = File::open(&place) else { continue };
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
+            Err(TryLockError::Error(error)) => return Err(refused(error)),
+        }
+        // Its last owner may have renamed or removed it between our opening and locking it.
+        if !crate::run::output::partial::same_file(&lock, &place) {
+            continue;
+        }
+        for entry in std::fs::read_dir(&place).map_err(refused)? {
+            std::fs::remove_file(entry.map_err(refused)?.path()).map_err(refused)?;
+        }
+        return Ok((place, lock));
+    }
+}
+
+/// Whether there is nothing in a folder but what rosbag2 and we put there.
+fn is_recording(folder: &Path) -> bool {
+    let Ok(mut entries) = std::fs::read_dir(folder) else { return false };
+    entries.all(|entry| {
+        entry.is_ok_and(|entry| {
+            let path = entry.path();
+            path.is_file() && matches!(path.extension().and_then(|e| e.to_str()), Some("mcap" | "yaml" | "partial"))
+        })
+    })
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(suffix);
+    path.with_file_name(name)
+}

@@ -1,0 +1,13 @@
+//! Results on disk: files that appear when they are whole, and sidecars that grow.
+
+pub(crate) mod file;
+pub(crate) mod folder;
+pub(crate) mod in_place;
+pub(crate) mod partial;
+pub(crate) mod set;
+pub(crate) mod sidecar_file;
+pub(crate) mod spill;
+
+pub use file::Written;
+pub use in_place::Access;
+pub use partial::Partial;

@@ -1,0 +1,141 @@
+//! A sidecar on disk while it grows: whole at any time up to its last block, and locked against a second writer.
+//!
+//! What stands in it is left to [`record`](crate::record), when it can be taken up again to the caller.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::record::{Annotation, Block, Event, Message, Topic};
+use crate::run::input::recording::{Recording, Watch};
+
+/// A file that grows block by block.
+#[derive(Debug)]
+pub(crate) struct Appending {
+    path: PathBuf,
+    file: File,
+    length: u64,
+    /// What could not be written yet.
+    pending: Vec<u8>,
+}
+
+impl Appending {
+    /// Opens a sidecar as it is, or an empty one. The system releases the lock when the process ends, however it does.
+    pub(crate) fn open(path: &Path) -> Result<Self, Error> {
+        let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+        let file = opened.map_err(Error::io("write", path))?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
+            Err(TryLockError::Error(error)) => return Err(Error::io("lock", path)(error)),
+        }
+        let length = file.metadata().map_err(Error::io("read", path))?.len();
+        Ok(Self { path: path.to_owned(), file, length, pending: Vec::new() })
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Of what is written.
+    pub(crate) fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Forgets what stands behind the first `length` bytes.
+    pub(crate) fn cut(&mut self, length: u64) -> Result<(), Error> {
+        self.pending.clear();
+        self.length = length;
+        self.file.set_len(length).map_err(Error::io("write", &self.path))
+    }
+
+    /// Takes bytes; nothing is written before [`flush`](Self::flush).
+    pub(crate) fn put(&mut self, bytes: &[u8]) {
+        self.pending.extend_from_slice(bytes);
+    }
+
+    /// Whether something could not be written yet.
+    pub(crate) fn has_pending(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
+    /// Writes what it was given. What could not be written is written the next time.
+    pub(crate) fn flush(&mut self) -> Result<(), Error> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        if let Err(error) = self.file.write_all_at(&self.pending, self.length) {
+            // Part of it may be there. If it cannot even be cut off, it is overwritten later.
+            let _ = self.file.set_len(self.length);
+            return Err(Error::io("write", &self.path)(error));
+        }
+        self.length += self.pending.len() as u64;
+        self.pending.clear();
+        Ok(())
+    }
+
+    /// Reads back what is written: the topic, schema and encoding of each annotation, in the order of writing.
+    pub(crate) fn read(
+        &self,
+        watch: Watch<'_>,
+        mut each: impl FnMut(Said<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        if self.length == 0 {
+            return Ok(());
+        }
+        let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+        let recording = Recording::of_file(file, &self.path, self.length);
+        let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
+        recording.scan(watch, &mut |event: Event<'_>| match event {
+            Event::Schema(schema) => {
+                schemas.insert(schema.id, schema.name.clone());
+                Ok(())
+            }
+            Event::Channel(channel) => {
+                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                channels.insert(channel.id, (channel.topic.clone(), schema, channel.message_encoding.clone()));
+                Ok(())
+            }
+            Event::Message(message) => match channels.get(&message.channel) {
+                Some((topic, schema, encoding)) => {
+                    each(Said::Annotation { topic, schema, encoding, message: &message })
+                }
+                None => Ok(()),
+            },
+            Event::ChunkEnd => each(Said::BlockEnd),
+            _ => Ok(()),
+        })?;
+        Ok(())
+    }
+
+    /// Reads back the blocks that are written, of these topics.
+    pub(crate) fn blocks(
+        &self,
+        topics: &[Topic],
+        watch: Watch<'_>,
+        mut each: impl FnMut(&Block) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let mut open = Block::default();
+        self.read(watch, |said| match said {
+            Said::Annotation { topic, message, .. } => {
+                let topic = topics.iter().position(|known| known.name == topic);
+                let (sequence, log_time, data) = (message.sequence, message.log_time, message.data.to_vec());
+                open.annotations.extend(topic.map(|topic| Annotation { topic, sequence, log_time, data }));
+                Ok(())
+            }
+            Said::BlockEnd => each(&std::mem::take(&mut open)),
+        })
+    }
+}
+
+/// What a sidecar says.
+pub(crate) enum Said<'a> {
+    Annotation { topic: &'a str, schema: &'a str, encoding: &'a str, message: &'a Message<'a> },
+    BlockEnd,
+}

@@ -1,0 +1,221 @@
+//! Where a tail stands, on disk: replaced as a whole at each save, so that a kill at any instant leaves the one before.
+//!
+//! The sidecar is put on the device before the checkpoint that counts on it. Saving runs on a thread of its own, since
+//! a device takes its time; when to save is left to the [tail](crate::run::tail).
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::pipeline::learner::Learner;
+use crate::record::{Inventory, Position, Sidecar};
+use crate::run::output::sidecar_file::Appending;
+
+/// What a checkpoint begins with; another layout gets another number.
+const MAGIC: &[u8; 16] = b"stillpointtail02";
+/// Of magic and checksum.
+const HEAD: usize = 16 + 4;
+/// Saves are at least this far apart, …
+const INTERVAL: Duration = Duration::from_secs(1);
+/// … and so many times as long as putting the state together takes.
+const SHARE: u32 = 20;
+
+/// What a checkpoint belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Owner {
+    pub(crate) version: String,
+    pub(crate) configuration: String,
+}
+
+/// A file of a recording, read to its end.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Split {
+    pub(crate) name: String,
+    /// What it is known again by.
+    pub(crate) known: (u64, Vec<u8>),
+    /// In bytes.
+    pub(crate) length: u64,
+    pub(crate) inventory: Inventory,
+    /// So many topics and blocks of annotations there were at its end.
+    pub(crate) topics: usize,
+    pub(crate) blocks: u64,
+}
+
+/// All that a tail has to remember.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct State {
+    pub(crate) done: Vec<Split>,
+    /// The file that is read, in a folder.
+    pub(crate) name: String,
+    /// What that is known again by.
+    pub(crate) known: (u64, Vec<u8>),
+    pub(crate) position: Position,
+    pub(crate) learner: Learner,
+    /// `None` before the sidecar has begun.
+    pub(crate) sidecar: Option<Sidecar>,
+    pub(crate) profile: String,
+    /// In the sidecar.
+    pub(crate) blocks: u64,
+    /// Of the sidecar, in bytes.
+    pub(crate) length: u64,
+}
+
+/// The same, borrowed.
+#[derive(Serialize)]
+pub(crate) struct StateOf<'a> {
+    pub(crate) done: &'a [Split],
+    pub(crate) name: &'a str,
+    pub(crate) known: &'a (u64, Vec<u8>),
+    pub(crate) position: &'a Position,
+    pub(crate) learner: &'a Learner,
+    pub(crate) sidecar: &'a Option<Sidecar>,
+    pub(crate) profile: &'a str,
+    pub(crate) blocks: u64,
+    pub(crate) length: u64,
+}
+
+/// What is found under the name of a checkpoint.
+pub(crate) enum Found {
+    Nothing,
+    State(Box<State>),
+    /// Something that cannot be gone on with, why, and what can be read of it.
+    Useless(&'static str, Option<Box<State>>),
+}
+
+/// Saves and loads.
+#[derive(Debug)]
+pub(crate) struct Checkpoint {
+    path: PathBuf,
+    next: Instant,
+    saving: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Checkpoint {
+    pub(crate) fn new(path: PathBuf) -> Self {
+        Self { path, next: Instant::now() + INTERVAL, saving: None }
+    }
+
+    pub(crate) fn exists(&self) -> bool {
+        self.path.exists()
+    }
+
+    pub(crate) fn load(&self, owner: &Owner) -> Result<Found, Error> {
+        let bytes = match std::fs::read(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
+            read => read.map_err(Error::io("read", &self.path))?,
+        };
+        Ok(decode(&bytes, owner))
+    }
+
+    /// Marks the sidecar as ours before there is a state to go on from.
+    pub(crate) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
+        self.settle()?;
+        let refused = |error| Error::io("write", &self.path)(error);
+        let bytes = encode(owner, None).map_err(|error| refused(io::Error::other(error)))?;
+        replace(&self.path, &bytes).map_err(refused)
+    }
+
+    /// Whether it is time to save again.
+    pub(crate) fn is_due(&self) -> bool {
+        self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Begins to save. What became of the save before is told now.
+    pub(crate) fn save(&mut self, owner: &Owner, state: &StateOf<'_>, sidecar: &Appending) -> Result<(), Error> {
+        let before = self.settle();
+        let began = Instant::now();
+        let bytes =
+            encode(owner, Some(state)).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
+        self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
+        let sidecar = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
+        let path = self.path.clone();
+        self.saving = Some(std::thread::spawn(move || {
+            sidecar.sync_data()?;
+            replace(&path, &bytes)
+        }));
+        before
+    }
+
+    /// Waits until what was begun is done.
+    pub(crate) fn settle(&mut self) -> Result<(), Error> {
+        let Some(thread) = self.saving.take() else { return Ok(()) };
+        let saved = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        saved.map_err(Error::io("write", &self.path))
+    }
+
+    pub(crate) fn remove(&mut self) -> Result<(), Error> {
+        // It is removed, however it is.
+        let _ = self.settle();
+        // A killed run may have left the next one, too.
+        for path in [&next_of(&self.path), &self.path] {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("remove", path)(error)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend([0; 4]);
+    // Names of fields are kept, since the configuration leaves out what is not set.
+    rmp_serde::encode::write_named(&mut bytes, owner)?;
+    if let Some(state) = state {
+        rmp_serde::encode::write_named(&mut bytes, state)?;
+    }
+    let crc = crc32fast::hash(bytes.get(HEAD..).unwrap_or_default());
+    if let Some(place) = bytes.get_mut(MAGIC.len()..HEAD) {
+        place.copy_from_slice(&crc.to_le_bytes());
+    }
+    Ok(bytes)
+}
+
+fn decode(bytes: &[u8], owner: &Owner) -> Found {
+    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Found::Useless("is damaged", None) };
+    let Some(crc) = head.strip_prefix(MAGIC) else { return Found::Useless("is of another version", None) };
+    if crc != crc32fast::hash(body).to_le_bytes() {
+        return Found::Useless("is damaged", None);
+    }
+    let found = rmp_serde::from_read::<_, Owner>(&mut body);
+    // Nothing follows a mark.
+    let state = (!body.is_empty()).then(|| rmp_serde::from_read(&mut body));
+    match (found, state) {
+        (Ok(found), state) if found.version == owner.version && found.configuration != owner.configuration => {
+            Found::Useless("is of another configuration", state.and_then(Result::ok))
+        }
+        (Ok(found), None) if found == *owner => Found::Nothing,
+        (Ok(found), Some(Ok(state))) if found == *owner => Found::State(state),
+        (_, state) => Found::Useless("is of another version", state.and_then(Result::ok)),
+    }
+}
+
+/// Where a checkpoint stands until it is whole.
+fn next_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".partial");
+    path.with_file_name(name)
+}
+
+/// Puts bytes under a name, on the device, or leaves what was there.
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let next = next_of(path);
+    let written = File::create(&next).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    let replaced = written.and_then(|()| std::fs::rename(&next, path));
+    if replaced.is_err() {
+        // The one before stays.
+        let _ = std::fs::remove_file(&next);
+        return replaced;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}

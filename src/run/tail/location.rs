@@ -1,0 +1,76 @@
+//! Where a recording grows: one file, or a folder into which its recorder begins one file after the other. What stands
+//! in the files is left to [`Scan`](crate::record::Scan).
+
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::run::input::growing_file::Growing;
+use crate::run::input::rosbag2;
+use crate::run::input::splits::Input;
+
+/// The place of a recording.
+#[derive(Debug)]
+pub(super) enum Trail {
+    File(PathBuf),
+    Folder(PathBuf),
+}
+
+impl Trail {
+    /// By what is there now.
+    pub(super) fn of(path: &Path) -> Self {
+        let path = path.to_owned();
+        if path.is_dir() { Self::Folder(path) } else { Self::File(path) }
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        match self {
+            Self::File(path) | Self::Folder(path) => path,
+        }
+    }
+
+    /// Whether there may be several files, which have names in it.
+    pub(super) fn has_names(&self) -> bool {
+        matches!(self, Self::Folder(_))
+    }
+
+    /// What a file of the recording is called in it; `None` where there is but one.
+    pub(super) fn name_of(&self, file: &Path) -> Option<String> {
+        let name = |file: &Path| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        self.has_names().then(|| name(file))
+    }
+
+    /// The file that comes behind those, if it has begun.
+    pub(super) fn next(&self, behind: &[&str]) -> Result<Option<Growing>, Error> {
+        match (self, behind) {
+            (Self::File(path), []) => Growing::open(path),
+            (Self::File(_), _) => Ok(None),
+            (Self::Folder(folder), _) => {
+                let files = rosbag2::files(folder);
+                if files.is_empty() && rosbag2::is_finished(folder) {
+                    // Which says why nothing is to be expected.
+                    return Input::open(folder).map(|_| None);
+                }
+                // What a finished recording lists comes first, and in that order.
+                let files = rosbag2::listed(folder).into_iter().flatten().chain(files);
+                let next = files.into_iter().find(|name| !behind.contains(&name.as_str()));
+                next.map_or(Ok(None), |name| Growing::open(&folder.join(name)))
+            }
+        }
+    }
+
+    /// Opens a file of the recording once more.
+    pub(super) fn again(&self, name: &str) -> Result<Option<Growing>, Error> {
+        Growing::open(&match self {
+            Self::File(path) => path.clone(),
+            Self::Folder(folder) => folder.join(name),
+        })
+    }
+
+    /// Whether the recorder has finished, and these are all files.
+    pub(super) fn ends_with(&self, files: &[&str]) -> bool {
+        match self {
+            Self::File(_) => true,
+            Self::Folder(folder) => rosbag2::listed(folder).is_some_and(|listed| listed == files),
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! How far the following of a recording has come: all that changes with its bytes. Reading them is left to
+//! [`follow`](super::follow), saving where it stands to [`Checkpoint`](crate::run::tail::checkpoint::Checkpoint).
+
+use mcap::MAGIC;
+
+use super::Shell;
+use super::location::Trail;
+use crate::Error;
+use crate::annotate;
+use crate::engine;
+use crate::pipeline::events::{News, Progress, Tell};
+use crate::pipeline::learner::Learner;
+use crate::record::{Scan, Sidecar};
+use crate::run::input::growing_file::Growing;
+use crate::run::output::sidecar_file::{Appending, Said};
+use crate::run::stop::Stop;
+use crate::run::tail::checkpoint::{Found, Split, State};
+
+/// A recording that is followed.
+pub(super) struct Course {
+    pub(super) trail: Trail,
+    /// Files that have been read to their ends.
+    pub(super) done: Vec<Split>,
+    /// The file that is read.
+    pub(super) growing: Growing,
+    pub(super) scan: Scan,
+    pub(super) learner: Learner,
+    /// `None` before it has begun.
+    pub(super) sidecar: Option<Sidecar>,
+    /// Of the first file.
+    pub(super) profile: String,
+    /// In the sidecar.
+    pub(super) blocks: u64,
+}
+
+impl Course {
+    /// Takes up what a killed run had done, or begins.
+    pub(super) fn begin(shell: &mut Shell<'_>, trail: Trail, first: Growing, tell: Tell<'_>) -> Result<Self, Error> {
+        match shell.checkpoint.load(&shell.owner)? {
+            Found::State(state) => match find(&trail, &state)? {
+                Some(growing) if state.length <= shell.appending.length() => {
+                    return Self::resume(shell, trail, growing, *state, tell);
+                }
+                Some(_) => tell(News::Trouble("annotations that the checkpoint counts on are gone: starting anew")),
+                None => {
+                    tell(News::Trouble("the checkpoint is of another recording: starting anew"));
+                    shell.set_aside(Some(*state), tell)?;
+                }
+            },
+            Found::Useless(why, state) => {
+                tell(News::Trouble(&format!("the checkpoint {why}: starting anew")));
+                let found = state.as_ref().map_or(Ok(None), |state| find(&trail, state))?;
+                if found.is_none() {
+                    shell.set_aside(state.map(|state| *state), tell)?;
+                }
+            }
+            Found::Nothing => {}
+        }
+        // What is there of this recording is found again.
+        shell.appending.cut(0)?;
+        let mut learner = Learner::new(shell.config);
+        if let Some(name) = trail.name_of(first.path()) {
+            learner.begin_split(Some(name), true);
+        }
+        tell(News::Opened(0));
+        Ok(Self {
+            trail,
+            done: Vec::new(),
+            growing: from_the_start(first)?,
+            scan: Scan::new(),
+            learner,
+            sidecar: None,
+            profile: String::new(),
+            blocks: 0,
+        })
+    }
+
+    fn resume(
+        shell: &mut Shell<'_>,
+        trail: Trail,
+        growing: Growing,
+        state: State,
+        tell: Tell<'_>,
+    ) -> Result<Self, Error> {
+        let State { done, position, learner, sidecar, profile, blocks, length, .. } = state;
+        shell.appending.cut(length)?;
+        let scan = Scan::resume(position);
+        let learner = learner.resume(shell.config);
+        let mut course = Self { trail, done, growing, scan, learner, sidecar, profile, blocks };
+        course.recall(&shell.appending, shell.stop)?;
+        course.learner.tell_channels(tell);
+        tell(News::Opened(course.offset()));
+        Ok(course)
+    }
+
+    /// Takes in what a killed run had learned.
+    fn recall(&mut self, sidecar: &Appending, stop: &Stop) -> Result<(), Error> {
+        let Self { learner, .. } = self;
+        sidecar.read(&|_| stop.check(), |said| {
+            if let Said::Annotation { topic, schema, encoding, message } = said
+                && let Ok(said) = annotate::read(schema, encoding, message.data)
+            {
+                learner.recall(topic, &engine::Event { log_time: message.log_time, message: said });
+            }
+            Ok(())
+        })?;
+        learner.recall_open();
+        Ok(())
+    }
+
+    /// Begins the next file. All that was learned of the one before has been written.
+    pub(super) fn turn_to(&mut self, next: Growing, tell: Tell<'_>) -> Result<(), Error> {
+        let name = self.trail.name_of(next.path());
+        tell(News::Split(name.as_deref().unwrap_or_default()));
+        self.learner.begin_split(name, false);
+        let scan = std::mem::take(&mut self.scan);
+        let growing = std::mem::replace(&mut self.growing, from_the_start(next)?);
+        self.done.push(Split {
+            name: self.trail.name_of(growing.path()).unwrap_or_default(),
+            known: growing.known().clone(),
+            length: growing.length(),
+            inventory: scan.into_inventory(),
+            topics: self.learner.topics().len(),
+            blocks: self.blocks,
+        });
+        Ok(())
+    }
+
+    /// Names of the files that have been begun, in a folder.
+    pub(super) fn files(&self) -> Vec<&str> {
+        let here = self.growing.path().file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        self.done.iter().map(|split| split.name.as_str()).chain([here]).collect()
+    }
+
+    /// Bytes of the recording that have been read.
+    pub(super) fn offset(&self) -> u64 {
+        self.behind() + self.scan.offset()
+    }
+
+    /// Bytes of the files that have been read to their ends.
+    fn behind(&self) -> u64 {
+        self.done.iter().map(|split| split.length).sum()
+    }
+
+    pub(super) fn tell_progress(&self, sidecar: u64, tell: Tell<'_>) {
+        self.learner.tell_imus(tell);
+        let length = self.behind() + self.growing.length();
+        tell(News::Read(Progress { read: self.offset(), length, sidecar }));
+    }
+}
+
+/// The file that a killed run was reading, if all that it had read is still there.
+fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
+    // A folder and a file beside it may have results of the same stem.
+    if trail.has_names() == state.name.is_empty() {
+        return Ok(None);
+    }
+    for split in &state.done {
+        let same = |mut file: Growing| file.length() == split.length && file.recognise(&split.known);
+        if !trail.again(&split.name)?.is_some_and(same) {
+            return Ok(None);
+        }
+    }
+    let growing = trail.again(&state.name)?;
+    Ok(growing.and_then(|mut growing| growing.recognise(&state.known).then_some(growing)))
+}
+
+/// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.
+fn from_the_start(mut growing: Growing) -> Result<Growing, Error> {
+    let mut magic = [0; MAGIC.len()];
+    // What has been set aside for it on the disk is no beginning yet.
+    if growing.length() >= MAGIC.len() as u64 && growing.read(&mut magic, 0)? && magic == *MAGIC {
+        growing.passed(MAGIC.len() as u64)?;
+    }
+    Ok(growing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::input::growing_file::Look;
+
+    #[test]
+    fn a_chunk_that_is_open_when_the_recording_is_found_may_close() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rec.mcap");
+        let header = [MAGIC, &[1; 30]].concat();
+        std::fs::write(&path, [header.as_slice(), &[6], &[0xFF; 8], &[0; 40]].concat()).unwrap();
+        let mut growing = from_the_start(Growing::open(&path).unwrap().unwrap()).unwrap();
+        // Written over in its place, and further.
+        let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        std::io::Write::write_all(&mut file, &[header.as_slice(), &[6], &[0; 300]].concat()).unwrap();
+        assert_eq!(growing.look().unwrap(), Look::Grown);
+        std::fs::write(&path, [7; 400]).unwrap();
+        assert_eq!(growing.look().unwrap(), Look::Lost, "not even the magic is there");
+    }
+}

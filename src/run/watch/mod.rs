@@ -1,0 +1,11 @@
+//! A directory as a service: its recordings are followed and annotated, and it says how it is.
+
+mod discovery;
+mod http;
+mod metrics;
+mod results;
+mod service;
+
+pub use http::serve;
+pub use metrics::Metrics;
+pub use service::{Show, Verdict, Watching, watch};

@@ -1,0 +1,278 @@
+//! A directory as a service: every recording in it is followed while it grows, annotated once, or put aside with the
+//! reason. Finding recordings is left to [`discovery`](super::discovery), where results go and what they say to [`results`](super::results).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+use super::discovery::{Stamp, recordings};
+use super::results::{self, Quarantine, make_way};
+use crate::Error;
+use crate::config::Config;
+use crate::pipeline::events::{Ending, News};
+use crate::run::output::file::Written;
+use crate::run::stop::Stop;
+use crate::run::tail::{Following, Tailed, set_aside, tail};
+use crate::run::watch::metrics::Metrics;
+
+/// Between two attempts at a recording: the first, doubled each time, …
+const FIRST_RETRY: Duration = Duration::from_secs(1);
+/// … up to the last.
+const LAST_RETRY: Duration = Duration::from_secs(60);
+/// After so many attempts, what the system refuses is taken to be for good. A full disk never is, nor another stillpoint.
+const ATTEMPTS: u32 = 6;
+
+/// How to watch.
+#[derive(Clone, Debug)]
+pub struct Watching {
+    /// Where recordings appear; in its folders, too.
+    pub folder: PathBuf,
+    /// Where results go, under the same names and folders; beside the recordings if `None`.
+    pub out: Option<PathBuf>,
+    /// Between two looks through the directory.
+    pub interval: Duration,
+    /// Growing recordings that are followed at a time.
+    pub growing: usize,
+    /// Finished ones that are worked on at a time.
+    pub finished: usize,
+    /// How to follow each.
+    pub following: Following,
+}
+
+/// What became of a recording.
+#[derive(Debug)]
+pub enum Verdict<'a> {
+    /// It was annotated.
+    Annotated(&'a Tailed),
+    /// It cannot be annotated, and is left alone until it changes.
+    Quarantined(&'a str),
+    /// It will be tried again after that time.
+    Again(&'a Error, Duration),
+}
+
+/// Who else is told what happens to a recording while it grows; asked for anew for each.
+pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&News<'_>) + 'a> + Sync);
+
+#[derive(Debug)]
+struct Entry {
+    stamp: Stamp,
+    state: State,
+    attempts: u32,
+}
+
+#[derive(Debug, PartialEq)]
+pub(super) enum State {
+    Waiting,
+    /// Followed; whether as a finished one.
+    Running(bool),
+    Again(Instant),
+    Annotated,
+    Quarantined,
+}
+
+struct Finished {
+    path: PathBuf,
+    result: Result<Tailed, Error>,
+}
+
+/// Watches until `stop` asks to stop; what is being followed then goes on with the next watch.
+///
+/// # Errors
+///
+/// If the folder cannot be read at the start.
+pub fn watch(
+    watching: &Watching,
+    config: &(dyn Fn() -> Config + Sync),
+    stop: &Stop,
+    metrics: &Metrics,
+    show: Show<'_>,
+    tell: &dyn Fn(&Path, Verdict<'_>),
+) -> Result<(), Error> {
+    recordings(&watching.folder)?;
+    let fingerprint = || crc32fast::hash(config().canonical().as_bytes());
+    let configuration = fingerprint();
+    let mut watcher = Watcher { watching, configuration, entries: BTreeMap::new(), metrics, tell };
+    let (sender, receiver) = channel();
+    std::thread::scope(|scope| {
+        while stop.check().is_ok() {
+            watcher.look(fingerprint());
+            while let Some((path, finished)) = watcher.next() {
+                let sender: Sender<Finished> = sender.clone();
+                scope.spawn(move || {
+                    let result = one(watching, &path, finished, &config(), stop, metrics, show);
+                    // Nobody listens any more once the watch ends.
+                    let _ = sender.send(Finished { path, result });
+                });
+            }
+            watcher.count();
+            watcher.wait(&receiver, stop);
+        }
+    });
+    while let Ok(finished) = receiver.try_recv() {
+        watcher.finish(finished);
+    }
+    Ok(())
+}
+
+/// Follows one recording, or works through a finished one.
+fn one(
+    watching: &Watching,
+    path: &Path,
+    finished: bool,
+    config: &Config,
+    stop: &Stop,
+    metrics: &Metrics,
+    show: Show<'_>,
+) -> Result<Tailed, Error> {
+    let output = watching.output(path);
+    if let Some(folder) = output.parent() {
+        std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
+    }
+    make_way(path, &output, &|_| stop.check())?;
+    let idle = if finished { Duration::ZERO } else { watching.following.idle };
+    let following = Following { idle, ..watching.following.clone() };
+    // What is finished is worked through in no time: nobody could watch it.
+    let mut show = (!finished).then(show);
+    let mut tell = |news: News<'_>| {
+        metrics.note(path, &news);
+        show.iter_mut().for_each(|show| show(&news));
+    };
+    let tailed = tail(path, &output, config, &following, stop, &mut tell)?;
+    metrics.done(path, &tailed.report, tailed.length);
+    match tailed.ending {
+        // The name is free for the next recording.
+        Ending::Replaced | Ending::Truncated => Ok(Tailed { output: set_aside(&tailed.output)?, ..tailed }),
+        Ending::Finished | Ending::Idle | Ending::Deleted => Ok(tailed),
+    }
+}
+
+struct Watcher<'a> {
+    watching: &'a Watching,
+    /// Of the configuration that is in force.
+    configuration: u32,
+    entries: BTreeMap<PathBuf, Entry>,
+    metrics: &'a Metrics,
+    tell: &'a dyn Fn(&Path, Verdict<'_>),
+}
+
+impl Watcher<'_> {
+    /// Looks through the directory. What another configuration refused may be welcome.
+    fn look(&mut self, configuration: u32) {
+        if std::mem::replace(&mut self.configuration, configuration) != configuration {
+            self.entries.retain(|_, entry| entry.state != State::Quarantined);
+        }
+        let Ok(found) = recordings(&self.watching.folder) else {
+            self.metrics.error();
+            return;
+        };
+        self.entries.retain(|path, entry| found.contains_key(path) || matches!(entry.state, State::Running(_)));
+        for (path, stamp) in found {
+            match self.entries.get_mut(&path) {
+                Some(entry) if entry.stamp == stamp || matches!(entry.state, State::Running(_) | State::Again(_)) => {}
+                _ => {
+                    let state = self.watching.state(&path, &stamp, self.configuration);
+                    self.entries.insert(path, Entry { stamp, state, attempts: 0 });
+                }
+            }
+        }
+    }
+
+    /// The next recording to be worked on, and whether it is a finished one.
+    fn next(&mut self) -> Option<(PathBuf, bool)> {
+        let running =
+            |as_finished| self.entries.values().filter(|entry| entry.state == State::Running(as_finished)).count();
+        let room = [(false, running(false) < self.watching.growing), (true, running(true) < self.watching.finished)];
+        let now = Instant::now();
+        for (path, entry) in &mut self.entries {
+            let due = match entry.state {
+                State::Waiting => entry.stamp.length > 0,
+                State::Again(at) => at <= now,
+                _ => false,
+            };
+            if !due {
+                continue;
+            }
+            let finished = self.watching.is_finished(path, &entry.stamp);
+            if room.contains(&(finished, true)) {
+                entry.state = State::Running(finished);
+                return Some((path.clone(), finished));
+            }
+        }
+        None
+    }
+
+    /// Takes in results until it is time to look again.
+    fn wait(&mut self, receiver: &Receiver<Finished>, stop: &Stop) {
+        let until = Instant::now() + self.watching.interval;
+        while stop.check().is_ok() && Instant::now() < until {
+            match receiver.recv_timeout(Duration::from_millis(50).min(self.watching.interval)) {
+                Ok(finished) => {
+                    self.finish(finished);
+                    return;
+                }
+                Err(_) => continue,
+            }
+        }
+    }
+
+    fn finish(&mut self, Finished { path, result }: Finished) {
+        let Some(entry) = self.entries.get_mut(&path) else { return };
+        let now = Stamp::of(&path).unwrap_or_else(|| entry.stamp.clone());
+        match result {
+            Ok(tailed) => {
+                (self.tell)(&path, Verdict::Annotated(&tailed));
+                let _ = std::fs::remove_file(self.watching.quarantine(&path));
+                let is_its = |length| length == now.length || length == results::length(&path, &now);
+                entry.state = match tailed.ending {
+                    // Another recording may have taken the name since.
+                    Ending::Replaced | Ending::Truncated => State::Waiting,
+                    // It has just been compared, whatever its times say.
+                    _ if tailed.written == Written::Before && is_its(tailed.length) => State::Annotated,
+                    Ending::Finished | Ending::Idle | Ending::Deleted => {
+                        self.watching.state(&path, &now, self.configuration)
+                    }
+                };
+                entry.attempts = 0;
+                entry.stamp = now;
+            }
+            Err(Error::Stopped | Error::Paused) => entry.state = State::Waiting,
+            Err(error) => {
+                self.metrics.error();
+                entry.attempts += 1;
+                let for_good = matches!(error, Error::Input { .. } | Error::Unfit { .. } | Error::Exists(_));
+                let passes = error.is_full() || matches!(error, Error::Busy(_));
+                if for_good || entry.attempts >= ATTEMPTS && !passes {
+                    let reason = error.to_string();
+                    (self.tell)(&path, Verdict::Quarantined(&reason));
+                    self.metrics.forget(&path);
+                    entry.state = State::Quarantined;
+                    entry.stamp = now.clone();
+                    let quarantine = Quarantine::new(&path, now, reason, self.configuration);
+                    if self.watching.write(&quarantine).is_err() {
+                        // It will be found out again after a restart.
+                        self.metrics.error();
+                    }
+                    return;
+                }
+                let wait = FIRST_RETRY.saturating_mul(1 << entry.attempts.min(16).saturating_sub(1)).min(LAST_RETRY);
+                (self.tell)(&path, Verdict::Again(&error, wait));
+                entry.state = State::Again(Instant::now() + wait);
+            }
+        }
+    }
+
+    fn count(&self) {
+        let mut states = BTreeMap::from(["waiting", "following", "annotated", "quarantined"].map(|state| (state, 0)));
+        for entry in self.entries.values() {
+            let state = match entry.state {
+                State::Waiting | State::Again(_) => "waiting",
+                State::Running(_) => "following",
+                State::Annotated => "annotated",
+                State::Quarantined => "quarantined",
+            };
+            *states.entry(state).or_default() += 1;
+        }
+        self.metrics.round(states);
+    }
+}
