@@ -5,6 +5,7 @@
 mod cdr;
 mod hostile;
 mod idl;
+mod intake;
 mod interop;
 mod json;
 mod protobuf;

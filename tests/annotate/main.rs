@@ -1,0 +1,13 @@
+//! What is written into a recording: annotations that read back as what they say, and corrected messages.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod arbitrary;
+mod corrected;
+mod expected;
+mod messages;
+mod reader;
+mod schemas;
+mod session;

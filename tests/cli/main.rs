@@ -1,0 +1,15 @@
+//! The program as people and scripts run it: verbs, files, refusals, exit codes.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod containers;
+mod in_place;
+mod readme;
+mod recordings;
+mod refused;
+mod results;
+mod rosbag2;
+mod shell;
+mod topics;

@@ -1,0 +1,58 @@
+//! Every command of the README does what it says, in the order in which a reader meets them.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{Folder, finish};
+
+/// Commands that build the program or run this very test, as a reader types them; `.ci/run` runs the second.
+const BUILDING: [&str; 2] = ["cargo install --locked --path .", "cargo test"];
+
+fn readme() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap()
+}
+
+/// The fenced blocks of a language.
+fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let fence = format!("```{language}\n");
+    text.split(&fence).skip(1).map(|rest| rest.split("```").next().unwrap()).collect()
+}
+
+#[test]
+fn every_command_works_in_the_order_of_the_text() {
+    let text = readme();
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("testdata")).unwrap();
+    for file in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata")).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), folder.path().join("testdata").join(file.file_name())).unwrap();
+    }
+    let program = Path::new(env!("CARGO_BIN_EXE_stillpoint"));
+    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+
+    let mut ran = Vec::new();
+    for command in blocks(&text, "sh").iter().flat_map(|block| block.lines()) {
+        if BUILDING.contains(&command) {
+            ran.push(command);
+            continue;
+        }
+        let shell = command.replacen("cargo run --release --", "stillpoint", 1);
+        assert!(!shell.contains("cargo"), "{command}: a new command that builds");
+        let run = finish(Command::new("sh").args(["-c", &shell]).current_dir(folder.path()).env("PATH", &path));
+        assert_eq!(run.code, 0, "{command}: {}{}", run.stdout, run.stderr);
+        if command.starts_with("cargo run") {
+            assert!(run.stderr.contains("accelerometer  CONFIRMED (bias-scale)"), "{command}: {}", run.stderr);
+        }
+        ran.push(command);
+    }
+    assert!(ran[0].starts_with("cargo run --release -- annotate testdata/"), "the first command is the main job");
+    assert_eq!(ran[1], "cargo test", "the second runs the tests");
+    BUILDING.iter().for_each(|command| assert!(ran.contains(command), "{command} is gone"));
+}
+
+#[test]
+fn the_configuration_shown_is_valid() {
+    for block in blocks(&readme(), "toml") {
+        stillpoint::config::Config::load(&[stillpoint::config::Layer::file("README.md", block)]).unwrap();
+    }
+}

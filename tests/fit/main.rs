@@ -1,0 +1,16 @@
+//! From samples to a calibration: rests, models, bars, and what is recognised and never calibrated into.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/session.rs"]
+mod session;
+
+mod bars;
+mod calibration;
+mod models;
+mod position;
+mod presets;
+mod recognised;
+mod rests;
+mod thesis;

@@ -1,0 +1,10 @@
+//! What people and other programs are shown: reports, exports, layouts, numbers.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod exports;
+mod layout;
+mod numbers;
+mod page;

@@ -1,0 +1,214 @@
+//! The report: one file that needs nothing else, tells what was annotated, and stays small whatever the recording.
+
+use crate::common::Folder;
+use stillpoint::Stamp;
+use stillpoint::engine::{Event, Message};
+use stillpoint::imu::{Sample, Sensor};
+use stillpoint::messages::foxglove::Log;
+use stillpoint::messages::segment::Reason;
+use stillpoint::messages::triad::{Model, Status};
+use stillpoint::messages::{Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3};
+use stillpoint::report::{Findings, Page, Story};
+
+/// Fails unless every element is closed in its turn and nothing is loaded from elsewhere.
+fn check(html: &str) {
+    const VOID: [&str; 2] = ["meta", "!doctype"];
+    let mut open = Vec::new();
+    let text = html.replace(html.split("<style>").nth(1).unwrap().split("</style>").next().unwrap(), "");
+    for part in text.split('<').skip(1) {
+        let (tag, _) = part.split_once('>').unwrap_or_else(|| panic!("a tag without end: {part}"));
+        let name = tag.trim_start_matches('/').split([' ', '/']).next().unwrap();
+        match (tag.starts_with('/'), tag.ends_with('/') || VOID.contains(&name)) {
+            (true, _) => assert_eq!(open.pop(), Some(name.to_owned()), "</{name}> closes another"),
+            (_, true) => {}
+            _ => open.push(name.to_owned()),
+        }
+    }
+    assert!(open.is_empty(), "left open: {open:?}");
+    for elsewhere in ["<script", "http:", "https:", "src=", "url(", "@import", "<link", "NaN", "inf\""] {
+        assert!(!html.contains(elsewhere), "{elsewhere}");
+    }
+}
+
+#[test]
+fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap -o annotated.mcap").ok();
+    folder.say("annotate demo.mcap --sidecar -o sidecar.mcap").ok();
+    let page = |input: &str| {
+        let output = format!("{input}.html");
+        folder.say(&format!("report {input} -o {output}")).ok();
+        folder.write("other", b"precious");
+        folder.refuses(&format!("report {input} -o other"), 1, &["other: exists"]);
+        let html = String::from_utf8(folder.read(&output)).unwrap();
+        check(&html);
+        html
+    };
+    let (raw, annotated, sidecar) = (page("demo.mcap"), page("annotated.mcap"), page("sidecar.mcap"));
+    assert_eq!(raw, annotated.replace("annotated.mcap", "demo.mcap"));
+    for html in [&raw, &sidecar] {
+        for word in [
+            "CONFIRMED",
+            "Done: repeated placements agree",
+            "+X",
+            "−Z".replace('−', "-").as_str(),
+            "gyroscope",
+            "min_fit_s",
+        ] {
+            assert!(html.contains(word), "{word}");
+        }
+    }
+    assert!(raw.contains(r#"class="area a0""#) && !sidecar.contains(r#"class="area a0""#));
+    assert!(sidecar.contains("A sidecar holds no readings"));
+    assert!(raw.len() < 400_000, "{}", raw.len());
+}
+
+#[test]
+fn what_is_annotated_is_read_and_never_fitted_again() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap -o annotated.mcap").ok();
+    let said = folder.say("export annotated.mcap --format json").ok().json();
+    // Settings that would leave no rest to fit.
+    let report = folder.say("report annotated.mcap --json --set still.min_fit_s=50").ok().json();
+    assert_eq!(report["imus"], said["imus"]);
+    let fresh = folder.say("report demo.mcap --json --set still.min_fit_s=50").ok().json();
+    assert_eq!(fresh["imus"][0]["accelerometer"]["status"], "UNDETERMINED");
+}
+
+#[test]
+fn the_terminal_gets_the_summary_the_timeline_and_the_rests() {
+    let folder = Folder::with_demo();
+    folder.say("export demo.mcap --format json -o before.json").ok();
+    let text = folder.say("report demo.mcap --against before.json").ok().stdout;
+    for word in ["CONFIRMED", "█", "rest on a face", "‖a‖ − g", "within the uncertainty", "next"] {
+        assert!(text.contains(word), "{word} is not in\n{text}");
+    }
+    assert!(text.lines().all(|line| console::measure_text_width(line) <= 100), "{text}");
+    assert!(!text.contains('\u{1b}'), "colours in a pipe");
+    folder.refuses("report nothing.mcap", 1, &["nothing.mcap"]);
+}
+
+/// A day of a restless robot: thousands of rests, refits and warnings, and a name that would like to be more.
+fn day() -> Story {
+    const REST: i64 = 20;
+    let nanos = |seconds: i64| Stamp::from_nanos((1_700_000_000 + seconds) * 1_000_000_000);
+    let header = |at: i64| Some(Header { stamp: Some(nanos(at).into()), frame_id: String::new() });
+    let vector = |x: f64| Some(Vector3 { x, y: -x, z: x / 2.0 });
+    let faces = ["+X", "-X", "+Y", "-Y", "+Z", "-Z"];
+    let mut story = Story::new(Findings::new("/imu<script>alert('x')</script>", "/imu"));
+    for tick in 0..86_400 * 5 {
+        let stamp = Stamp::from_nanos(nanos(0).nanos() + tick * 200_000_000);
+        let value = nalgebra::Vector3::new((tick as f64).sin() * 9.8, (tick as f64 * 0.7).cos() * 9.8, 9.8);
+        story.sample(Sensor::Accelerometer, &Sample { stamp, log_time: 0, value });
+    }
+    let mut note = |at: i64, message| story.note(&Event { log_time: nanos(at).nanos() as u64, message });
+    for second in 0..86_400 {
+        let statistic = if second % REST < 10 { 1.0 } else { 900.0 };
+        note(
+            second,
+            Message::Stillness(Stillness { header: header(second), state: 2, statistic, enter: 3.0, leave: 5.0 }),
+        );
+    }
+    for rest in 0..86_400 / REST {
+        let at = rest * REST;
+        let accepted = rest % 3 != 0;
+        let mean = TriadMean {
+            sensor: "accelerometer".into(),
+            samples: 1000,
+            mean: vector(6.0),
+            std: vector(0.02),
+            ..TriadMean::default()
+        };
+        note(
+            at,
+            Message::Segment(Segment {
+                header: header(at),
+                start: Some(nanos(at).into()),
+                end: Some(nanos(at + 9).into()),
+                accepted,
+                face: faces[(rest % 6) as usize].into(),
+                tilt_deg: Some(1.5),
+                reason: if accepted { Reason::Accepted } else { Reason::Tilted }.into(),
+                explanation: "23.4° from the nearest face, +X: was the sensor lying flat?".into(),
+                means: vec![mean],
+                ..Segment::default()
+            }),
+        );
+        let triad = Triad {
+            sensor: "accelerometer".into(),
+            model: Model::BiasScale.into(),
+            status: Status::Confirmed.into(),
+            bias: vector(0.1),
+            bias_std: vector(0.01),
+            scale: vector(1.0),
+            scale_std: vector(0.001),
+            sensitivity: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            ..Triad::default()
+        };
+        note(
+            at,
+            Message::Calibration(Box::new(Calibration {
+                header: header(at),
+                revision: rest as u32,
+                accelerometer: Some(triad),
+                gravity: 9.80665,
+                ..Calibration::default()
+            })),
+        );
+        let text = "rest of 9.0 s rejected (TILTED): was the sensor lying flat?";
+        note(at, Message::Log(Log { level: 3, message: text.into(), ..Log::default() }));
+    }
+    let faces = faces.map(|name| Face { name: name.into(), normal: None, placements: 700, seconds: 6300.0 });
+    note(86_399, Message::Coverage(Coverage { faces: faces.to_vec(), complete: true, ..Coverage::default() }));
+    story
+}
+
+#[test]
+fn a_day_fits_in_two_megabytes_and_cannot_break_out() {
+    let stories = [day()];
+    let page = Page { recording: "a<b>.mcap", stories: &stories, notes: &[], settings: "[still]\n", earlier: None };
+    let html = page.html();
+    check(&html);
+    assert!(html.len() < 2_000_000, "{} bytes", html.len());
+    assert!(html.contains("… and") && html.contains("24.0 h"));
+}
+
+#[test]
+fn any_fixture_any_model_and_nothing_at_all_are_shown() {
+    let normal = |x: f64, y: f64, z: f64| Some(Vector3 { x, y, z });
+    let face = |name: &str, normal| Face { name: name.into(), normal, placements: 1, seconds: 3.0 };
+    let faces: Vec<_> =
+        (0..12).map(|i| face(&format!("face {i}"), normal(0.6, 0.0, if i % 2 == 0 { 0.8 } else { -0.8 }))).collect();
+    let full = Triad {
+        sensor: "gyroscope".into(),
+        model: Model::CrossAxis.into(),
+        status: Status::Provisional.into(),
+        bias: normal(0.1, f64::NAN, 0.2),
+        sensitivity: vec![1.0, 0.01, 0.0, 0.02, 1.0, 0.0, 0.0, 0.0, 1.0],
+        g_sensitivity: vec![1e-5; 9],
+        g2_sensitivity: vec![1e-6; 3],
+        ..Triad::default()
+    };
+    let calibration =
+        Calibration { gyroscope: Some(full), accelerometer: Some(Triad::default()), ..Calibration::default() };
+    let findings = Findings {
+        coverage: Some(Coverage { faces, ..Coverage::default() }),
+        calibration: Some(calibration),
+        ..Findings::new("/imu", "/imu")
+    };
+    let mut rest = Segment { start: Some(at(5)), end: Some(at(5)), ..Segment::default() };
+    rest.means =
+        vec![TriadMean { sensor: "accelerometer".into(), mean: normal(f64::NAN, 0.0, 0.0), ..TriadMean::default() }];
+    let odd = Findings { rests: [(5_000_000_000, rest)].into(), ..Findings::new("/odd", "/odd") };
+    let stories = [Story::new(findings), Story::new(Findings::new("/none", "/none")), Story::new(odd)];
+    let page = Page { recording: "x.mcap", stories: &stories, notes: &["damaged".into()], settings: "", earlier: None };
+    let html = page.html().replace("NaN", "");
+    check(&html);
+    for word in ["face 11", "S, row x", "g-sensitivity", "g²-sensitivity", "None was published"] {
+        assert!(html.contains(word), "{word}");
+    }
+}
+
+fn at(seconds: i64) -> prost_types::Timestamp {
+    prost_types::Timestamp { seconds, nanos: 0 }
+}

@@ -1,0 +1,30 @@
+//! `testdata/` holds the built-in demo, recorded, with its truth.
+//!
+//! `STILLPOINT_UPDATE=1 cargo test --test simulate testdata` records it anew after the scenario was edited.
+
+use std::path::Path;
+
+use stillpoint::simulate::{Scenario, Truth, record};
+
+fn testdata(name: &str, fresh: &[u8]) -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
+    if std::env::var_os("STILLPOINT_UPDATE").is_some() {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, fresh).unwrap();
+    }
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn the_recorded_demo_is_what_the_scenario_says() {
+    let mut recording = Vec::new();
+    let truth = record(&Scenario::builtin("demo").unwrap(), &mut recording).unwrap();
+    let mut json = serde_json::to_vec_pretty(&truth).unwrap();
+    json.push(b'\n');
+    assert!(
+        testdata("demo.mcap", &recording) == recording,
+        "run STILLPOINT_UPDATE=1 cargo test --test simulate testdata"
+    );
+    let stored: Truth = serde_json::from_slice(&testdata("demo.truth.json", &json)).unwrap();
+    assert_eq!(stored, truth);
+}
