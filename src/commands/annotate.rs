@@ -7,7 +7,7 @@ use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
 use stillpoint::run::{self, Access, Form, Input, Options, Report, Stop, Written};
-use stillpoint::{Error, imu::Verdict};
+use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
 use super::progress::Progress;
@@ -225,7 +225,7 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
 pub fn skipped(report: &Report) -> BTreeMap<&str, Vec<&str>> {
     let mut skipped = BTreeMap::<_, Vec<_>>::new();
     for (channel, verdict) in &report.channels {
-        if let Verdict::Skipped(reason) = verdict {
+        if let ChannelRole::Skipped(reason) = verdict {
             skipped.entry(reason.as_str()).or_default().push(channel.topic.as_str());
         }
     }

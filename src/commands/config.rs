@@ -3,7 +3,7 @@
 use serde_json::json;
 use stillpoint::Error;
 use stillpoint::config::Config;
-use stillpoint::imu::{Sensor, Verdict};
+use stillpoint::imu::{ChannelRole, Sensor};
 use stillpoint::report::{self, LayoutImu};
 use stillpoint::run::{self, Input, Stop};
 
@@ -43,7 +43,7 @@ fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
 
 /// The IMUs whose accelerometer is read from a channel, each with the paths that show its axes.
 fn imus(used: &run::Use) -> Vec<LayoutImu> {
-    let Verdict::Used(uses) = &used.verdict else { return Vec::new() };
+    let ChannelRole::Used(uses) = &used.verdict else { return Vec::new() };
     let accelerometers = uses.iter().filter(|part| part.sensor == Sensor::Accelerometer);
     accelerometers
         .map(|part| {

@@ -3,7 +3,7 @@
 use console::style;
 use serde_json::{Value, json};
 use stillpoint::Error;
-use stillpoint::imu::{ImuConfig, Verdict};
+use stillpoint::imu::{ChannelRole, ImuConfig};
 use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
 
 use super::progress::Progress;
@@ -36,7 +36,7 @@ fn machine(channels: &Channels) -> Value {
             "encoding": used.channel.message_encoding,
             "messages": used.messages,
             "hz": channels.rate(used),
-            "used": matches!(used.verdict, Verdict::Used(_) | Verdict::Position),
+            "used": matches!(used.verdict, ChannelRole::Used(_) | ChannelRole::Position),
             "verdict": used.verdict.to_string(),
             "remarks": used.remarks,
             "configuration": used.configuration.as_ref().map(ImuConfig::lines),
@@ -50,8 +50,8 @@ fn people(channels: &Channels) -> String {
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
     for used in &channels.channels {
         let verdict = match used.verdict {
-            Verdict::Used(_) | Verdict::Position => style(used.verdict.to_string()).green(),
-            Verdict::Skipped(_) => style(used.verdict.to_string()).yellow(),
+            ChannelRole::Used(_) | ChannelRole::Position => style(used.verdict.to_string()).green(),
+            ChannelRole::Skipped(_) => style(used.verdict.to_string()).yellow(),
             _ => style(used.verdict.to_string()).dim(),
         };
         let rate = channels.rate(used).map_or_else(|| "-".to_owned(), |hz| format!("{hz:.1} Hz"));

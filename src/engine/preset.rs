@@ -57,7 +57,7 @@ mod tests {
     fn what_was_set_wins_over_a_preset_and_a_preset_over_the_default() {
         let mut config = Config::default();
         config.fit.bounds.accel_scale = [0.9, 1.1].into();
-        let config = config.of(Preset::Mpu9250);
+        let config = config.of(Preset::named("mpu9250").unwrap());
         assert_eq!(config.fit.bounds.accel_scale, [0.9, 1.1].into());
         let most = config.fit.bounds.accel_bias.of(0)[1];
         assert!((most - 1.74).abs() < 0.01, "{most}");

@@ -20,10 +20,10 @@ pub struct ImuConfig {
     /// Replaces the topic in the names of the annotation topics.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// The specific force. Known types need none.
+    /// The specific force. KnownType types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// The angular rate. Known types need none.
+    /// The angular rate. KnownType types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
     /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds` and `still`.
@@ -43,10 +43,10 @@ pub struct ImuConfig {
 pub struct ReferenceConfig {
     /// Its topic.
     pub topic: String,
-    /// The true specific force. Known types need none.
+    /// The true specific force. KnownType types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// The true angular rate. Known types need none.
+    /// The true angular rate. KnownType types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
 }
@@ -60,7 +60,7 @@ pub struct SecondaryConfig {
     /// Its topic; the IMU's if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Its specific force. Known types need none.
+    /// Its specific force. KnownType types need none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
     /// Which measurement model it has.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use self::json::Pick;
 use self::malformed::Malformed;
 use self::plan::{Plan, Rules, Sizes};
-use self::protobuf::{Tagged, alone};
+use self::protobuf::{ProtobufPlan, alone};
 use crate::imu::schema::layout::{Layout, Number, Place, Wire};
 use crate::imu::schema::lookup::PathError;
 
@@ -31,7 +31,7 @@ enum Encoding {
         delimited: Plan,
     },
     Ros1(Plan),
-    Protobuf(Tagged),
+    Protobuf(ProtobufPlan),
     Json(Pick),
 }
 
@@ -49,7 +49,7 @@ impl Decoder {
                 delimited: plan(4, Sizes::Messages)?,
             },
             Wire::Ros1 => Encoding::Ros1(plan(1, Sizes::None)?),
-            Wire::Protobuf => Encoding::Protobuf(Tagged::new(layout, numbers, text)?),
+            Wire::Protobuf => Encoding::Protobuf(ProtobufPlan::new(layout, numbers, text)?),
             Wire::Json => Encoding::Json(Pick::new(numbers, text)),
         }))
     }
@@ -63,7 +63,7 @@ impl Decoder {
     pub fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
         let text = match &self.0 {
             Encoding::Json(pick) => return pick.read(data, numbers),
-            Encoding::Protobuf(tagged) => tagged.read(data, numbers)?,
+            Encoding::Protobuf(protobuf) => protobuf.read(data, numbers)?,
             Encoding::Ros1(plan) => plan.walk::<false, false>(data, 0, numbers)?,
             Encoding::Cdr { xcdr1, xcdr2, delimited } => match encapsulated(data, xcdr1, xcdr2, delimited)? {
                 (plan, true) => plan.walk::<true, false>(data, HEADER, numbers)?,
@@ -83,9 +83,9 @@ impl Decoder {
         let mut out = data.to_vec();
         let (number, big): (Box<dyn Fn(usize) -> Option<Number> + '_>, bool) = match &self.0 {
             Encoding::Json(pick) => return rewrite_json(pick, data, count, changes),
-            Encoding::Protobuf(tagged) => {
-                tagged.locate(data, &mut places).ok()?;
-                (Box::new(|slot| tagged.way(slot).map(|(_, number)| number)), false)
+            Encoding::Protobuf(protobuf) => {
+                protobuf.locate(data, &mut places).ok()?;
+                (Box::new(|slot| protobuf.way(slot).map(|(_, number)| number)), false)
             }
             Encoding::Ros1(plan) => {
                 plan.walk::<false, true>(data, 0, &mut places).ok()?;
@@ -114,8 +114,8 @@ impl Decoder {
                     let at = at as usize;
                     out.get_mut(at..at + bytes.len())?.copy_from_slice(&bytes);
                 }
-                (_, Encoding::Protobuf(tagged)) => {
-                    let (way, _) = tagged.way(slot).filter(|(way, _)| !way.is_empty())?;
+                (_, Encoding::Protobuf(protobuf)) => {
+                    let (way, _) = protobuf.way(slot).filter(|(way, _)| !way.is_empty())?;
                     out.extend(alone(&way, &bytes));
                 }
                 _ => return None,

@@ -7,16 +7,16 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::imu::config::ImuConfig;
-use crate::imu::mapping::known_types::{Known, known};
-use crate::imu::mapping::paired_topics::{Half, Side};
-use crate::imu::mapping::position::{Fix, Fixes};
-use crate::imu::mapping::refusal::{Cause, Fault, Notice};
+use crate::imu::mapping::channel_role::ChannelRole;
+use crate::imu::mapping::known_types::{KnownType, known};
+use crate::imu::mapping::paired_topics::{PairedTopic, Side};
+use crate::imu::mapping::position::{Position, PositionSearch};
+use crate::imu::mapping::refusal::{Cause, Notice, RefusalCount};
 use crate::imu::mapping::registry::{Imu, Triad, admit, is_zero, owner};
 use crate::imu::mapping::request::Request;
 use crate::imu::mapping::route::Route;
 use crate::imu::mapping::source::Source;
 use crate::imu::mapping::suggestion::Suggestion;
-use crate::imu::mapping::verdict::Verdict;
 use crate::imu::sample::{ImuId, Reading, Sample, Sensor};
 use crate::imu::schema::layout::{Layout, SchemaError};
 use crate::imu::schema::lookup::nearest;
@@ -29,15 +29,15 @@ pub struct Intake {
     sources: Vec<Source>,
     configured: usize,
     topics: BTreeSet<String>,
-    verdicts: BTreeMap<u16, Verdict>,
+    verdicts: BTreeMap<u16, ChannelRole>,
     /// One for each source that reads the channel.
     routes: BTreeMap<u16, Vec<Route>>,
     /// JSON channels whose first message will tell what they are.
     untold: BTreeMap<u16, record::Channel>,
-    halves: BTreeMap<u16, Half>,
+    halves: BTreeMap<u16, PairedTopic>,
     imus: Vec<Imu>,
     notices: Vec<Notice>,
-    fixes: Fixes,
+    fixes: PositionSearch,
 }
 
 /// A topic that the configuration names and the recording lacks.
@@ -65,28 +65,28 @@ impl Intake {
             halves: BTreeMap::new(),
             imus: Vec::new(),
             notices: Vec::new(),
-            fixes: Fixes::default(),
+            fixes: PositionSearch::default(),
         }
     }
 
     /// The same, with positions from this topic alone.
     pub fn with_fix_topic(self, topic: Option<String>) -> Self {
-        Self { fixes: Fixes::new(topic), ..self }
+        Self { fixes: PositionSearch::new(topic), ..self }
     }
 
     /// Learns of a channel, and says what it is used for as far as that can be told. Repeating a channel changes
     /// nothing.
-    pub fn channel(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> &Verdict {
+    pub fn channel(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> &ChannelRole {
         if !self.verdicts.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
             let verdict = match Layout::new(&channel.message_encoding, schema) {
-                _ if channel.topic.contains("/stillpoint/") => Verdict::Annotation,
+                _ if channel.topic.contains("/stillpoint/") => ChannelRole::Annotation,
                 Ok(layout) => self.judge(channel.id, &channel.topic, &layout),
                 Err(SchemaError::Untold) => {
                     self.untold.insert(channel.id, channel.clone());
-                    Verdict::Untold
+                    ChannelRole::Untold
                 }
-                Err(error) => Verdict::Skipped(error.to_string()),
+                Err(error) => ChannelRole::Skipped(error.to_string()),
             };
             self.verdicts.insert(channel.id, verdict);
         }
@@ -94,8 +94,8 @@ impl Intake {
     }
 
     /// What a channel is used for. Later channels, or its first message, may show more.
-    pub fn verdict(&self, channel_id: u16) -> &Verdict {
-        self.verdicts.get(&channel_id).unwrap_or(&Verdict::Annotation)
+    pub fn verdict(&self, channel_id: u16) -> &ChannelRole {
+        self.verdicts.get(&channel_id).unwrap_or(&ChannelRole::Annotation)
     }
 
     /// Whether messages of this channel are of any use.
@@ -104,7 +104,7 @@ impl Intake {
     }
 
     /// Takes a message, and says where the recording is made if it is the first that tells.
-    pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Fix> {
+    pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Position> {
         self.fixes.message(channel_id, data)
     }
 
@@ -210,7 +210,7 @@ impl Intake {
     }
 
     /// What was refused so far, by topic.
-    pub fn faults(&self) -> Vec<Fault> {
+    pub fn faults(&self) -> Vec<RefusalCount> {
         let mut faults = Vec::new();
         for route in self.routes.values().flatten() {
             let whole = route.counts.iter().map(|(cause, count)| (None, cause, count));
@@ -219,7 +219,7 @@ impl Intake {
                 .iter()
                 .flat_map(|tap| tap.counts.iter().map(|(cause, count)| (Some(tap.name.clone()), cause, count)));
             let parts = parts.filter(|&(_, cause, count)| cause != Cause::Zero || count >= ZEROS);
-            faults.extend(whole.chain(parts).map(|(sensor, cause, count)| Fault {
+            faults.extend(whole.chain(parts).map(|(sensor, cause, count)| RefusalCount {
                 topic: route.topic.clone(),
                 sensor,
                 cause,
@@ -256,11 +256,11 @@ impl Intake {
         self.verdicts.insert(channel_id, verdict);
     }
 
-    fn judge(&mut self, channel_id: u16, topic: &str, layout: &Layout) -> Verdict {
+    fn judge(&mut self, channel_id: u16, topic: &str, layout: &Layout) -> ChannelRole {
         match self.fixes.channel(channel_id, topic, layout) {
-            Ok(true) => return Verdict::Position,
+            Ok(true) => return ChannelRole::Position,
             Ok(false) => {}
-            Err(error) => return Verdict::Skipped(error.to_string()),
+            Err(error) => return ChannelRole::Skipped(error.to_string()),
         }
         let known = known(layout);
         let imus: Vec<_> = known.iter().filter(|known| known.imu).collect();
@@ -285,13 +285,14 @@ impl Intake {
             }
         }
         let verdict = match (uses.is_empty(), fault) {
-            (false, _) => Verdict::Used(uses),
-            (true, Some(fault)) => Verdict::Skipped(fault),
-            (true, None) => {
-                Verdict::Other { vectors: layout.vectors(), suggestion: Suggestion::of(topic, layout).map(Box::new) }
-            }
+            (false, _) => ChannelRole::Used(uses),
+            (true, Some(fault)) => ChannelRole::Skipped(fault),
+            (true, None) => ChannelRole::Other {
+                vectors: layout.vectors(),
+                suggestion: Suggestion::of(topic, layout).map(Box::new),
+            },
         };
-        let half = if by_itself { Half::new(topic, layout.name()) } else { None };
+        let half = if by_itself { PairedTopic::new(topic, layout.name()) } else { None };
         match (half, known.as_slice()) {
             (Some(half), [known]) => self.pair(channel_id, half, layout, known, verdict),
             _ => verdict,
@@ -299,7 +300,14 @@ impl Intake {
     }
 
     /// Puts the halves of an IMU together once both are known.
-    fn pair(&mut self, channel_id: u16, mut half: Half, layout: &Layout, known: &Known, verdict: Verdict) -> Verdict {
+    fn pair(
+        &mut self,
+        channel_id: u16,
+        mut half: PairedTopic,
+        layout: &Layout,
+        known: &KnownType,
+        verdict: ChannelRole,
+    ) -> ChannelRole {
         let route = self.routes.get(&channel_id).and_then(|routes| routes.first());
         half.source = route.map(|route| route.source);
         if half.side == Side::Gyroscope {
@@ -315,16 +323,16 @@ impl Intake {
             Side::Accelerometer => self.join((channel_id, &half), (other_id, &other)),
             Side::Gyroscope => self.join((other_id, &other), (channel_id, &half)),
         }
-        self.verdicts.get(&channel_id).cloned().unwrap_or(Verdict::Annotation)
+        self.verdicts.get(&channel_id).cloned().unwrap_or(ChannelRole::Annotation)
     }
 
     /// Lets the gyroscope of one channel belong to the accelerometer of another, unless either is an IMU by itself. Types
     /// that are no IMU by themselves are only offered.
-    fn join(&mut self, (accel_id, accel): (u16, &Half), (gyro_id, gyro): (u16, &Half)) {
+    fn join(&mut self, (accel_id, accel): (u16, &PairedTopic), (gyro_id, gyro): (u16, &PairedTopic)) {
         let Some(mut route) = gyro.gyro.clone() else { return };
         let Some(source) = accel.source else {
             let suggestion = Suggestion::of_halves(&accel.topic, &gyro.topic);
-            if let Some(Verdict::Other { suggestion: offered, .. }) = self.verdicts.get_mut(&accel_id) {
+            if let Some(ChannelRole::Other { suggestion: offered, .. }) = self.verdicts.get_mut(&accel_id) {
                 *offered = Some(Box::new(suggestion));
             }
             return;
@@ -346,9 +354,9 @@ impl Intake {
             imu.triads.insert(1, Triad::gyroscope(&gyro.topic));
         }
         let uses = route.taps.iter().map(|tap| tap.used_by(owner.name())).collect();
-        self.verdicts.insert(gyro_id, Verdict::Used(uses));
+        self.verdicts.insert(gyro_id, ChannelRole::Used(uses));
         self.routes.insert(gyro_id, vec![route]);
-        if let Some(Verdict::Used(uses)) = self.verdicts.get_mut(&accel_id) {
+        if let Some(ChannelRole::Used(uses)) = self.verdicts.get_mut(&accel_id) {
             uses.retain(|used| used.sensor != Sensor::Gyroscope);
         }
         for route in self.routes.get_mut(&accel_id).into_iter().flatten() {

@@ -17,7 +17,7 @@ use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message};
 use crate::fit::{Gravity, Place, Source};
-use crate::imu::{Fix, Imu, ImuId, Intake, Reading, Sensor, Verdict};
+use crate::imu::{ChannelRole, Imu, ImuId, Intake, Position, Reading, Sensor};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::pipeline::channel_ids::Roster;
@@ -79,7 +79,7 @@ struct Learning {
 pub(crate) struct Learned {
     pub(crate) imus: Vec<Findings>,
     /// Every channel, and what it was used for.
-    pub(crate) channels: Vec<(Channel, Verdict)>,
+    pub(crate) channels: Vec<(Channel, ChannelRole)>,
     /// What was refused or missed, one line each.
     pub(crate) notes: Vec<String>,
     /// What the configuration names and the recording lacks, of the notes.
@@ -221,7 +221,7 @@ impl Learner {
     }
 
     /// Every channel so far, what it is used for, and the name of its schema.
-    pub(crate) fn channels(&self) -> impl Iterator<Item = (&Channel, &Verdict, &str)> + Clone {
+    pub(crate) fn channels(&self) -> impl Iterator<Item = (&Channel, &ChannelRole, &str)> + Clone {
         let channels = self.channels.iter().zip(&self.kinds);
         channels.map(|(channel, kind)| (channel, self.intake.verdict(channel.id), kind.as_str()))
     }
@@ -319,7 +319,7 @@ impl Learner {
     }
 
     /// The recording has said where it is made.
-    fn locate(&mut self, Fix { latitude_deg, height_m }: Fix, tell: Tell<'_>) {
+    fn locate(&mut self, Position { latitude_deg, height_m }: Position, tell: Tell<'_>) {
         let place = Place { latitude_deg, height_m };
         self.place = Some(place);
         self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));

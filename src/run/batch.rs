@@ -16,7 +16,7 @@ use self::split_learner::Lesson;
 use crate::Error;
 use crate::annotate::{Corrected, Corrections};
 use crate::config::Config;
-use crate::imu::Verdict;
+use crate::imu::ChannelRole;
 use crate::pipeline::correction_pass::CorrectionPass;
 use crate::pipeline::learner::{Learned, not_corrected, uncorrected};
 use crate::record::{Block, Channel, Damage, Event, Inventory, Topic};
@@ -61,7 +61,7 @@ pub struct Report {
     /// The IMUs, and what was learned of each.
     pub imus: Vec<Findings>,
     /// Every channel, and what it was used for.
-    pub channels: Vec<(Channel, Verdict)>,
+    pub channels: Vec<(Channel, ChannelRole)>,
     /// What was refused or missed, one line each.
     pub notes: Vec<String>,
     /// What is wrong with the recording: the first hundred damages.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stillpoint::Stamp;
-use stillpoint::imu::{Cause, ImuConfig, ImuId, Intake, Reading, Sample, Sensor, Verdict};
+use stillpoint::imu::{Cause, ChannelRole, ImuConfig, ImuId, Intake, Reading, Sample, Sensor};
 use stillpoint::record::{Channel, Schema};
 
 const HEADER: &str = "===
@@ -74,7 +74,7 @@ impl Door {
         Self { intake: Intake::new(&imu), samples: Vec::new(), said: Vec::new() }
     }
 
-    fn channel(&mut self, id: u16, topic: &str, schema: &Schema) -> &Verdict {
+    fn channel(&mut self, id: u16, topic: &str, schema: &Schema) -> &ChannelRole {
         self.intake.channel(&channel(id, topic), Some(schema))
     }
 
@@ -105,7 +105,7 @@ use Sensor::{Accelerometer, Gyroscope, Secondary};
 #[test]
 fn an_imu_is_used_without_configuration_and_its_accelerometer_comes_last() {
     let mut door = Door::new("");
-    assert!(matches!(door.channel(1, "/imu", &imu_schema()), Verdict::Used(uses) if uses.len() == 2));
+    assert!(matches!(door.channel(1, "/imu", &imu_schema()), ChannelRole::Used(uses) if uses.len() == 2));
     door.message(1, 7, &imu_message((5, 6), "link"));
 
     assert_eq!(door.sensors(), [(0, Gyroscope), (0, Accelerometer)]);
@@ -121,7 +121,7 @@ fn an_imu_is_used_without_configuration_and_its_accelerometer_comes_last() {
 #[test]
 fn annotations_are_never_a_source() {
     let mut door = Door::new("");
-    assert_eq!(*door.channel(1, "/imu/stillpoint/corrected", &imu_schema()), Verdict::Annotation);
+    assert_eq!(*door.channel(1, "/imu/stillpoint/corrected", &imu_schema()), ChannelRole::Annotation);
     assert!(!door.intake.wants(1));
 }
 
@@ -255,12 +255,12 @@ fn acme() -> Schema {
 #[test]
 fn a_topic_of_another_type_is_offered_and_the_offered_lines_work() {
     let mut door = Door::new("");
-    let Verdict::Other { vectors, suggestion } = door.channel(1, "/acme", &acme()).clone() else { panic!() };
+    let ChannelRole::Other { vectors, suggestion } = door.channel(1, "/acme", &acme()).clone() else { panic!() };
     assert_eq!(vectors.iter().map(ToString::to_string).collect::<Vec<_>>(), ["accel_g"]);
     assert!(!door.intake.wants(1));
 
     let mut door = Door::new(&suggestion.unwrap().config(None).lines());
-    assert!(matches!(door.channel(1, "/acme", &acme()), Verdict::Used(_)));
+    assert!(matches!(door.channel(1, "/acme", &acme()), ChannelRole::Used(_)));
     let mut bytes = message((1, 0), "abcd", &[]);
     bytes.truncate(4 + 8 + 4 + 5);
     bytes.extend([0; 3]);
@@ -282,7 +282,7 @@ fn a_wrong_mapping_skips_the_channel_and_names_the_nearest_field() {
     ] {
         let mut door = Door::new(&format!("[[imu]]\ntopic = '/acme'\n{lines}"));
         let verdict = door.channel(1, "/acme", &acme()).clone();
-        assert!(matches!(&verdict, Verdict::Skipped(why) if why.contains(reason)), "{verdict}");
+        assert!(matches!(&verdict, ChannelRole::Skipped(why) if why.contains(reason)), "{verdict}");
         assert!(!door.intake.wants(1));
     }
 }
@@ -383,7 +383,7 @@ fn vectors_on_two_topics_are_offered_as_one_imu_and_the_lines_work() {
     let mut door = Door::new("");
     door.channel(1, "/imu/gyro", &vector_schema());
     door.channel(2, "/imu/accel", &vector_schema());
-    let Verdict::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(2).clone() else { panic!() };
+    let ChannelRole::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(2).clone() else { panic!() };
     let lines = suggestion.config(None).lines();
     assert_eq!(lines, "[[imu]]\ntopic = \"/imu/accel\"\ngyro = { topic = \"/imu/gyro\" }\n");
     let mut door = Door::new(&lines);
@@ -401,7 +401,7 @@ fn imus_inside_other_messages_are_found() {
     let one = schema("acme/msg/Status", &format!("uint64 count\nsensor_msgs/Imu imu\n{imu}"));
     let mut door = Door::new("");
     assert!(
-        matches!(door.channel(1, "/status", &one), Verdict::Used(uses) if uses[1].path == "imu.linear_acceleration")
+        matches!(door.channel(1, "/status", &one), ChannelRole::Used(uses) if uses[1].path == "imu.linear_acceleration")
     );
     let mut bytes = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0];
     bytes.extend(&message((5, 6), "link", &[0.1, 0.2, 0.3, 1.0, 2.0, 9.8])[4..]);
@@ -514,11 +514,11 @@ fn json_without_a_schema_is_known_from_its_first_message() {
     let json = |topic: &str| Channel { schema_id: 0, message_encoding: "json".into(), ..channel(1, topic) };
     let data = br#"{"stamp": {"sec": 5, "nsec": 6}, "frame_id": "link", "acc": {"x": 1, "y": 2, "z": 9.8}, "gyro": [0.1, 0.2, 0.3]}"#;
     let mut door = Door::new("");
-    assert_eq!(*door.intake.channel(&json("/j"), None), Verdict::Untold);
+    assert_eq!(*door.intake.channel(&json("/j"), None), ChannelRole::Untold);
     door.message(1, 1, b"not yet");
     assert!(door.intake.wants(1));
     door.message(1, 2, data);
-    let Verdict::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(1).clone() else { panic!() };
+    let ChannelRole::Other { suggestion: Some(suggestion), .. } = door.intake.verdict(1).clone() else { panic!() };
     assert!(!door.intake.wants(1));
 
     let mut door = Door::new(&suggestion.config(None).lines());
@@ -535,7 +535,8 @@ fn json_without_a_schema_is_known_from_its_first_message() {
 fn numbers_called_like_axes_are_offered_as_vectors() {
     let text = "std_msgs/Header header\nfloat64 ax\nfloat64 ay\nfloat64 az\nfloat64 gx\nfloat64 gy\nfloat64 gz\n";
     let mut door = Door::new("");
-    let Verdict::Other { suggestion: Some(suggestion), .. } = door.channel(1, "/raw", &schema("acme/msg/Raw", text))
+    let ChannelRole::Other { suggestion: Some(suggestion), .. } =
+        door.channel(1, "/raw", &schema("acme/msg/Raw", text))
     else {
         panic!()
     };

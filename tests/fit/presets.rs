@@ -37,14 +37,14 @@ fn outcome(events: &[Event], said: &str) -> (Status, bool) {
 
 #[test]
 fn a_sensor_within_its_datasheet_is_calibrated_as_without_a_preset() {
-    let events = learn(&six_faces(truth([0.4, -0.5, 0.7])), Config::default().of(Preset::Mpu9250));
+    let events = learn(&six_faces(truth([0.4, -0.5, 0.7])), Config::default().of(Preset::named("mpu9250").unwrap()));
     assert_eq!(outcome(&events, "held back"), (Status::Provisional, false));
 }
 
 #[test]
 fn a_sensor_outside_its_datasheet_is_held_back_and_that_is_said() {
     // 0.26 m/s² is what an LSM6DSO may have.
-    let events = learn(&six_faces(truth([0.4, -0.5, 0.7])), Config::default().of(Preset::Lsm6dso));
+    let events = learn(&six_faces(truth([0.4, -0.5, 0.7])), Config::default().of(Preset::named("lsm6dso").unwrap()));
     let (_, said) = outcome(&events, "held back by its bound");
     assert!(said, "{events:#?}");
 }
@@ -58,7 +58,7 @@ fn readings_beyond_the_range_of_the_sensor_are_not_calibrated_into() {
             sample.value.x = 30.0 * G;
         }
     }
-    let events = learn(&session, Config::default().of(Preset::Mpu6050));
+    let events = learn(&session, Config::default().of(Preset::named("mpu6050").unwrap()));
     assert_eq!(outcome(&events, "beyond the 157 m/s²"), (Status::Undetermined, true));
 }
 

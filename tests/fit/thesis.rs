@@ -18,7 +18,7 @@ fn learn(scenario: &Scenario) -> (Truth, Vec<Event>) {
         .map(|triad| Secondary {
             name: triad.sensor.clone(),
             topic: triad.topic.clone(),
-            preset: Some(Preset::Adxl375),
+            preset: Some(Preset::named("adxl375").unwrap()),
             ..Secondary::default()
         })
         .collect();

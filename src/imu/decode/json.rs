@@ -48,7 +48,7 @@ impl Pick {
     /// Reads a message. A number that is left out, or is something else, is NaN.
     pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
         numbers.fill(f64::NAN);
-        let mut found = Found { numbers, text: Cow::Borrowed(&[]) };
+        let mut found = Picked { numbers, text: Cow::Borrowed(&[]) };
         let mut json = serde_json::Deserializer::from_slice(data);
         let read = Picking { pick: self, found: &mut found }.deserialize(&mut json).and_then(|()| json.end());
         read.map_err(|e| Malformed::Json { line: e.line(), column: e.column() })?;
@@ -101,14 +101,14 @@ fn child<K: PartialEq>(picks: &mut Vec<(K, Pick)>, key: K) -> &mut Pick {
     &mut picks[at].1
 }
 
-struct Found<'d, 'n> {
+struct Picked<'d, 'n> {
     numbers: &'n mut [f64],
     text: Cow<'d, [u8]>,
 }
 
 struct Picking<'p, 'f, 'd, 'n> {
     pick: &'p Pick,
-    found: &'f mut Found<'d, 'n>,
+    found: &'f mut Picked<'d, 'n>,
 }
 
 impl<'d> DeserializeSeed<'d> for Picking<'_, '_, 'd, '_> {

@@ -88,9 +88,9 @@ impl Plan {
     ) -> Result<Self, PathError> {
         let goals = numbers.iter().enumerate().map(|(slot, place)| (Some(slot), place));
         let goals: Vec<_> = goals.chain(text.map(|place| (None, place))).collect();
-        let wanted: Vec<_> = goals.iter().map(|&(slot, place)| Wanted { hops: &place.hops, slot }).collect();
+        let wanted: Vec<_> = goals.iter().map(|&(slot, place)| WantedNumber { hops: &place.hops, slot }).collect();
         let plan = Self { word: rules.align.min(4), ..Self::default() };
-        let mut compiler = Compiler { layout, rules, plan, phase: Phase::START, left: MAX_FIELDS };
+        let mut compiler = PlanCompiler { layout, rules, plan, phase: Phase::START, left: MAX_FIELDS };
         match compiler.message(0, &wanted, rules.sizes == Sizes::Messages) {
             Ok(()) => Ok(compiler.plan),
             Err(TooLarge) => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_FIELDS }),
@@ -107,7 +107,7 @@ impl Plan {
 
 /// What is looked for below a message: a number for a slot, or the text.
 #[derive(Clone, Copy)]
-struct Wanted<'a> {
+struct WantedNumber<'a> {
     hops: &'a [Hop],
     slot: Option<usize>,
 }
@@ -130,7 +130,7 @@ impl Phase {
     }
 }
 
-struct Compiler<'a> {
+struct PlanCompiler<'a> {
     layout: &'a Layout,
     rules: Rules,
     plan: Plan,
@@ -138,8 +138,8 @@ struct Compiler<'a> {
     left: usize,
 }
 
-impl Compiler<'_> {
-    fn message(&mut self, id: usize, wanted: &[Wanted<'_>], delimited: bool) -> Result<(), TooLarge> {
+impl PlanCompiler<'_> {
+    fn message(&mut self, id: usize, wanted: &[WantedNumber<'_>], delimited: bool) -> Result<(), TooLarge> {
         let layout = self.layout;
         let Some(message) = layout.messages.get(id) else { return Ok(()) };
         if delimited {
@@ -150,16 +150,16 @@ impl Compiler<'_> {
         self.fields(&message.fields, wanted)
     }
 
-    fn fields(&mut self, fields: &[Field], wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+    fn fields(&mut self, fields: &[Field], wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         for (i, field) in fields.iter().enumerate() {
-            let inside = |w: &&Wanted<'_>| w.hops.first().is_some_and(|hop| hop.field == i);
+            let inside = |w: &&WantedNumber<'_>| w.hops.first().is_some_and(|hop| hop.field == i);
             let inside: Vec<_> = wanted.iter().filter(inside).copied().collect();
             self.field(field, &inside)?;
         }
         Ok(())
     }
 
-    fn field(&mut self, field: &Field, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+    fn field(&mut self, field: &Field, wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
         let is_list = field.count != Count::One;
         if is_list && self.rules.sizes != Sizes::None && !matches!(field.kind, Kind::Number(_)) {
@@ -186,7 +186,7 @@ impl Compiler<'_> {
         Ok(())
     }
 
-    fn one(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+    fn one(&mut self, kind: Kind, wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         match kind {
             Kind::Number(number) => {
                 let at = self.span(number.size(), number.size());
@@ -224,7 +224,7 @@ impl Compiler<'_> {
     }
 
     /// The first elements of a list, up to the last that is wanted.
-    fn elements(&mut self, kind: Kind, wanted: &[Wanted<'_>]) -> Result<(), TooLarge> {
+    fn elements(&mut self, kind: Kind, wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         for i in 0..least(wanted) {
             self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
             self.one(kind, &element(wanted, Some(i)))?;
@@ -232,7 +232,7 @@ impl Compiler<'_> {
         Ok(())
     }
 
-    fn array(&mut self, number: Number, n: usize, wanted: &[Wanted<'_>]) {
+    fn array(&mut self, number: Number, n: usize, wanted: &[WantedNumber<'_>]) {
         if n == 0 {
             return;
         }
@@ -242,7 +242,7 @@ impl Compiler<'_> {
         }
     }
 
-    fn numbers(&mut self, number: Number, wanted: &[Wanted<'_>]) {
+    fn numbers(&mut self, number: Number, wanted: &[WantedNumber<'_>]) {
         let size = number.size();
         let align = size.min(self.rules.align);
         self.plan.steps.push(Step::Numbers { size, align, least: least(wanted) as usize, gets: Gets::default() });
@@ -301,21 +301,21 @@ impl Compiler<'_> {
 }
 
 /// What is wanted of one element of a list, or of a field that is none.
-fn element<'a>(wanted: &[Wanted<'a>], element: Option<u32>) -> Vec<Wanted<'a>> {
-    let of = |w: &Wanted<'a>| {
+fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedNumber<'a>> {
+    let of = |w: &WantedNumber<'a>| {
         let (first, hops) = w.hops.split_first()?;
-        (first.element == element).then_some(Wanted { hops, slot: w.slot })
+        (first.element == element).then_some(WantedNumber { hops, slot: w.slot })
     };
     wanted.iter().filter_map(of).collect()
 }
 
 /// How many elements of a list must be there.
-fn least(wanted: &[Wanted<'_>]) -> u32 {
+fn least(wanted: &[WantedNumber<'_>]) -> u32 {
     let last = wanted.iter().filter_map(|w| w.hops.first()?.element).max();
     last.map_or(0, |last| last + 1)
 }
 
-/// Wanted elements of a list of numbers, with their slots.
-fn numbered(wanted: &[Wanted<'_>]) -> impl Iterator<Item = (usize, usize)> {
+/// WantedNumber elements of a list of numbers, with their slots.
+fn numbered(wanted: &[WantedNumber<'_>]) -> impl Iterator<Item = (usize, usize)> {
     wanted.iter().filter_map(|w| Some((w.hops.first()?.element? as usize, w.slot?)))
 }

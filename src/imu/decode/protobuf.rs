@@ -7,5 +7,5 @@ mod plan;
 mod walk;
 mod wire;
 
-pub(super) use plan::Tagged;
+pub(super) use plan::ProtobufPlan;
 pub(super) use wire::alone;

@@ -50,8 +50,8 @@ impl Plan {
         origin: usize,
         numbers: &'n mut [f64],
         wide: usize,
-    ) -> Result<Walk<'p, 'd, 'n, BIG, LOCATE>, Malformed> {
-        let mut walk = Walk::<BIG, LOCATE> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
+    ) -> Result<PlanWalk<'p, 'd, 'n, BIG, LOCATE>, Malformed> {
+        let mut walk = PlanWalk::<BIG, LOCATE> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
         walk.steps(&self.steps)?;
         Ok(walk)
     }
@@ -66,7 +66,7 @@ struct Fit {
     digest: u32,
 }
 
-struct Walk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
+struct PlanWalk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
     plan: &'p Plan,
     origin: usize,
     body: &'d [u8],
@@ -77,7 +77,7 @@ struct Walk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
     text: &'d [u8],
 }
 
-impl<'d, const BIG: bool, const LOCATE: bool> Walk<'_, 'd, '_, BIG, LOCATE> {
+impl<'d, const BIG: bool, const LOCATE: bool> PlanWalk<'_, 'd, '_, BIG, LOCATE> {
     fn fit(&self) -> Fit {
         let mut digest = crc32fast::Hasher::new();
         self.numbers.iter().for_each(|number| digest.update(&number.to_le_bytes()));

@@ -5,11 +5,11 @@ use crate::imu::schema::path::FieldPath;
 
 /// Where the vectors of a well-known type stand in a message.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::imu) struct Known {
+pub(in crate::imu) struct KnownType {
     /// The message of that type; the empty path if it is the whole message.
     pub(in crate::imu) inside: FieldPath,
-    pub(in crate::imu) accel: Option<Part>,
-    pub(in crate::imu) gyro: Option<Part>,
+    pub(in crate::imu) accel: Option<KnownVector>,
+    pub(in crate::imu) gyro: Option<KnownVector>,
     /// Its stamp in microseconds, where it has no header.
     pub(in crate::imu) micros: Option<FieldPath>,
     /// A number that tells sensors on one topic apart.
@@ -20,7 +20,7 @@ pub(in crate::imu) struct Known {
 
 /// One vector, and what the message says about it.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::imu) struct Part {
+pub(in crate::imu) struct KnownVector {
     pub(in crate::imu) vector: FieldPath,
     /// Microseconds over which the vector is an increment.
     pub(in crate::imu) over: Option<FieldPath>,
@@ -31,7 +31,7 @@ pub(in crate::imu) struct Part {
 }
 
 /// What is known of a message: its own type, or else the IMUs inside it.
-pub(in crate::imu) fn known(layout: &Layout) -> Vec<Known> {
+pub(in crate::imu) fn known(layout: &Layout) -> Vec<KnownType> {
     if let Some(known) = of_type(layout.name(), &FieldPath::default()) {
         return vec![known];
     }
@@ -44,36 +44,36 @@ pub(in crate::imu) fn known(layout: &Layout) -> Vec<Known> {
 /// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Their stamps count
 /// from the start of the system. Of `SensorCombined` it is that of the gyroscope; the accelerometer's is within a few
 /// milliseconds of it, which no rest notices.
-fn of_type(name: &str, inside: &FieldPath) -> Option<Known> {
+fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
     let at = |text: &str| text.parse().ok().map(|path| inside.within(&path));
-    let part = |vector| Some(Part { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });
+    let part = |vector| Some(KnownVector { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });
     let px4 = |vector, over: &str, clipping: &[&str], round: &str| {
         let some = |text: &str| if text.is_empty() { None } else { at(text) };
         let clipping = clipping.iter().filter_map(|path| at(path)).collect();
-        Some(Part { vector: at(vector)?, over: some(over), clipping, round: some(round) })
+        Some(KnownVector { vector: at(vector)?, over: some(over), clipping, round: some(round) })
     };
-    let known = |accel, gyro, imu| Known { inside: inside.clone(), accel, gyro, micros: None, device: None, imu };
+    let known = |accel, gyro, imu| KnownType { inside: inside.clone(), accel, gyro, micros: None, device: None, imu };
     const COUNTS: [&str; 3] = ["clip_counter[0]", "clip_counter[1]", "clip_counter[2]"];
     Some(match name {
         "sensor_msgs/Imu" => known(part("linear_acceleration"), part("angular_velocity"), true),
         "px4_msgs/SensorCombined" => {
             let accel = px4("accelerometer_m_s2", "", &["accelerometer_clipping"], "accel_calibration_count");
             let gyro = px4("gyro_rad", "", &["gyro_clipping"], "gyro_calibration_count");
-            Known { micros: at("timestamp"), ..known(accel, gyro, true) }
+            KnownType { micros: at("timestamp"), ..known(accel, gyro, true) }
         }
         "px4_msgs/VehicleImu" => {
             let accel =
                 px4("delta_velocity", "delta_velocity_dt", &["delta_velocity_clipping"], "accel_calibration_count");
             let gyro = px4("delta_angle", "delta_angle_dt", &["delta_angle_clipping"], "gyro_calibration_count");
-            Known { micros: at("timestamp_sample"), device: at("accel_device_id"), ..known(accel, gyro, true) }
+            KnownType { micros: at("timestamp_sample"), device: at("accel_device_id"), ..known(accel, gyro, true) }
         }
         "px4_msgs/SensorAccel" => {
             let accel = px4("", "", &COUNTS, "");
-            Known { micros: at("timestamp_sample"), device: at("device_id"), ..known(accel, None, true) }
+            KnownType { micros: at("timestamp_sample"), device: at("device_id"), ..known(accel, None, true) }
         }
         "px4_msgs/SensorGyro" => {
             let gyro = px4("", "", &COUNTS, "");
-            Known { micros: at("timestamp_sample"), device: at("device_id"), ..known(None, gyro, false) }
+            KnownType { micros: at("timestamp_sample"), device: at("device_id"), ..known(None, gyro, false) }
         }
         "geometry_msgs/Vector3" => known(part(""), part(""), false),
         "geometry_msgs/Vector3Stamped" => known(part("vector"), part("vector"), false),

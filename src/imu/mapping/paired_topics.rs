@@ -7,7 +7,7 @@ use super::route::Route;
 
 /// A channel that may be one half of an IMU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(in crate::imu) struct Half {
+pub(in crate::imu) struct PairedTopic {
     pub(in crate::imu) topic: String,
     pub(in crate::imu) side: Side,
     /// What the names of both halves have in common.
@@ -27,7 +27,7 @@ pub(in crate::imu) enum Side {
     Gyroscope,
 }
 
-impl Half {
+impl PairedTopic {
     /// A topic that is named after one of the triads.
     pub(in crate::imu) fn new(topic: &str, type_name: &str) -> Option<Self> {
         let (side, key) = parted(&topic.to_lowercase())?;
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     fn fits(a: (&str, &str), b: (&str, &str)) -> bool {
-        let half = |(topic, kind): (&str, &str)| Half::new(topic, kind);
+        let half = |(topic, kind): (&str, &str)| PairedTopic::new(topic, kind);
         half(a).zip(half(b)).is_some_and(|(a, b)| a.fits(&b) && b.fits(&a))
     }
 

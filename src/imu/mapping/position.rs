@@ -12,7 +12,7 @@ use crate::imu::schema::path::FieldPath;
 
 /// A position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Fix {
+pub struct Position {
     /// Geodetic latitude, degrees north.
     pub latitude_deg: f64,
     /// Height above the ellipsoid, m, if it was told.
@@ -21,17 +21,17 @@ pub struct Fix {
 
 /// Looks for the first valid position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(in crate::imu) struct Fixes {
+pub(in crate::imu) struct PositionSearch {
     /// The configured topic; else every topic of a known type is listened to.
     topic: Option<String>,
     /// Until one is found.
-    routes: BTreeMap<u16, Route>,
-    found: Option<Fix>,
+    routes: BTreeMap<u16, PositionFields>,
+    found: Option<Position>,
 }
 
 /// Where the numbers of a position stand in the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Route {
+struct PositionFields {
     decoder: Decoder,
     /// Latitude and longitude, then the altitude and the status if there are any.
     numbers: Vec<f64>,
@@ -42,7 +42,7 @@ struct Route {
 /// Types that are known to be positions.
 const KNOWN: [&str; 3] = ["sensor_msgs/NavSatFix", "foxglove.LocationFix", "foxglove/LocationFix"];
 
-impl Fixes {
+impl PositionSearch {
     pub(in crate::imu) fn new(topic: Option<String>) -> Self {
         Self { topic, ..Self::default() }
     }
@@ -62,7 +62,7 @@ impl Fixes {
             None => KNOWN.contains(&layout.name()),
         };
         if wanted {
-            let route = Route::new(layout)?;
+            let route = PositionFields::new(layout)?;
             if self.found.is_none() {
                 self.routes.insert(id, route);
             }
@@ -75,7 +75,7 @@ impl Fixes {
     }
 
     /// Takes a message of a channel that is wanted; the position, if it is the first valid one.
-    pub(in crate::imu) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Fix> {
+    pub(in crate::imu) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Position> {
         let fix = self.routes.get_mut(&channel)?.read(data)?;
         self.found = Some(fix);
         self.routes.clear();
@@ -83,7 +83,7 @@ impl Fixes {
     }
 }
 
-impl Route {
+impl PositionFields {
     fn new(layout: &Layout) -> Result<Self, PathError> {
         let path = |names: [&str; 2]| {
             names.iter().filter(|name| !name.is_empty()).fold(FieldPath::default(), |path, name| path.join(name))
@@ -102,7 +102,7 @@ impl Route {
 
     /// The position of a message, if it is a valid one: not marked as no fix, on the Earth, and not the (0, 0) of a
     /// receiver that has not found itself yet.
-    fn read(&mut self, data: &[u8]) -> Option<Fix> {
+    fn read(&mut self, data: &[u8]) -> Option<Position> {
         self.decoder.read(data, &mut self.numbers).ok()?;
         let number = |place: Option<usize>| place.and_then(|place| self.numbers.get(place)).copied();
         let (latitude_deg, longitude_deg) = (number(Some(0))?, number(Some(1))?);
@@ -110,6 +110,6 @@ impl Route {
         let on_earth = latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0;
         let found = (latitude_deg, longitude_deg) != (0.0, 0.0);
         let height_m = number(self.altitude).filter(|height| (-12_000.0..=100_000.0).contains(height));
-        (has_fix && on_earth && found).then_some(Fix { latitude_deg, height_m })
+        (has_fix && on_earth && found).then_some(Position { latitude_deg, height_m })
     }
 }

@@ -55,7 +55,7 @@ impl fmt::Display for Cause {
 
 /// How often something was refused.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fault {
+pub struct RefusalCount {
     /// Where the messages came from.
     pub topic: String,
     /// Name of the triad, unless whole messages were refused.
@@ -66,7 +66,7 @@ pub struct Fault {
     pub count: u64,
 }
 
-impl fmt::Display for Fault {
+impl fmt::Display for RefusalCount {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { topic, sensor, cause, count } = self;
         match sensor {

@@ -1,6 +1,6 @@
 //! A vector that is asked for, of the messages of one topic.
 
-use super::known_types::Part;
+use super::known_types::KnownVector;
 use crate::imu::config::VectorPath;
 use crate::imu::sample::Sensor;
 
@@ -12,7 +12,7 @@ pub(in crate::imu) struct Request<'a> {
     pub(in crate::imu) name: &'a str,
     pub(in crate::imu) path: Option<&'a VectorPath>,
     /// Where it stands in a message of this type, if nothing else is said.
-    pub(in crate::imu) known: Option<&'a Part>,
+    pub(in crate::imu) known: Option<&'a KnownVector>,
     pub(in crate::imu) factor: f64,
     /// Whether it shares the topic of the accelerometer, and with it the `frame_id`.
     pub(in crate::imu) with_accel: bool,
@@ -20,7 +20,7 @@ pub(in crate::imu) struct Request<'a> {
 
 impl<'a> Request<'a> {
     /// For the gyroscope of an IMU whose accelerometer is on another topic.
-    pub(in crate::imu) fn other_half(known: &'a Part) -> Self {
+    pub(in crate::imu) fn other_half(known: &'a KnownVector) -> Self {
         Self {
             sensor: Sensor::Gyroscope,
             key: "gyro",

@@ -8,11 +8,11 @@ use std::ops::{Deref, Range};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::known_types::{Known, Part};
+use super::channel_role::VectorUse;
+use super::known_types::{KnownType, KnownVector};
 use super::refusal::{Cause, Counts};
 use super::request::Request;
-use super::time_source::{Clock, StampPlaces};
-use super::verdict::Use;
+use super::time_source::{StampFields, TimeSource};
 use crate::Stamp;
 use crate::imu::config::VectorPath;
 use crate::imu::decode::Decoder;
@@ -35,7 +35,7 @@ pub(in crate::imu) struct Route {
     /// Whether the frames of this topic belong to the frames of the accelerometer's in the order in which they appear.
     pub(in crate::imu) in_order: bool,
     decoder: Decoder,
-    clock: Clock,
+    clock: TimeSource,
     /// Index of the number that stands for the frame, if one does.
     device: Option<usize>,
     /// What the decoder last read: the stamp if there is one, then each tap's numbers.
@@ -86,14 +86,14 @@ impl Route {
     pub(in crate::imu) fn new(
         topic: &str,
         layout: &Layout,
-        known: Option<&Known>,
+        known: Option<&KnownType>,
         source: usize,
         requests: &[Request<'_>],
     ) -> Result<Self, RouteError> {
         let axes: Vec<_> = requests.iter().map(|request| Axes::of(layout, request)).collect::<Result<_, _>>()?;
-        let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampPlaces::micros);
+        let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampFields::micros);
         let stamp = micros.unwrap_or_else(|| {
-            StampPlaces::nearest(layout, &axes.last().map(|axes| axes.path.clone()).unwrap_or_default())
+            StampFields::nearest(layout, &axes.last().map(|axes| axes.path.clone()).unwrap_or_default())
         });
         let mut numbers = stamp.numbers;
         let mut add = |place: Option<Place>| {
@@ -214,8 +214,14 @@ impl Route {
 
 impl Tap {
     /// What it is to the IMU of this name.
-    pub(in crate::imu) fn used_by(&self, imu: String) -> Use {
-        Use { imu, sensor: self.sensor, name: self.name.clone(), path: self.path.clone(), axes: self.axes.clone() }
+    pub(in crate::imu) fn used_by(&self, imu: String) -> VectorUse {
+        VectorUse {
+            imu,
+            sensor: self.sensor,
+            name: self.name.clone(),
+            path: self.path.clone(),
+            axes: self.axes.clone(),
+        }
     }
 }
 
@@ -247,7 +253,7 @@ struct Axes<'a> {
     places: [Place; 3],
     covariance: Option<Place>,
     /// What the message says about them.
-    part: Option<&'a Part>,
+    part: Option<&'a KnownVector>,
 }
 
 impl<'a> Axes<'a> {

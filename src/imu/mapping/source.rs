@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::known_types::Known;
+use super::known_types::KnownType;
 use super::request::Request;
 use crate::imu::config::SecondaryModel;
 use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, VectorConfig};
@@ -27,7 +27,7 @@ impl Source {
     }
 
     /// A topic, or one of several IMUs in its messages, that needs no configuration.
-    pub(in crate::imu) fn found(topic: &str, known: &Known, alone: bool) -> Self {
+    pub(in crate::imu) fn found(topic: &str, known: &KnownType, alone: bool) -> Self {
         let inside = known.inside.to_string().replace('.', "/");
         let name = (!alone).then(|| format!("{topic}/{inside}"));
         let config = ImuConfig { topic: topic.to_owned(), name, ..ImuConfig::default() };
@@ -40,7 +40,7 @@ impl Source {
     }
 
     /// What is known of its part of a message.
-    pub(in crate::imu) fn known<'a>(&self, known: &'a [Known]) -> Option<&'a Known> {
+    pub(in crate::imu) fn known<'a>(&self, known: &'a [KnownType]) -> Option<&'a KnownType> {
         match (&self.inside, known) {
             (Some(inside), several) => several.iter().find(|known| known.inside == *inside),
             (None, [only]) => Some(only),
@@ -110,7 +110,7 @@ impl Source {
 
     /// What it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
     /// those of the others.
-    pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a Known>) -> Vec<Request<'a>> {
+    pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a KnownType>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();
         let mut requests = Vec::new();
         let gyro = self.config.gyro.as_ref();

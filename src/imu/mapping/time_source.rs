@@ -9,7 +9,7 @@ use crate::imu::schema::path::FieldPath;
 
 /// Tells when the messages of a channel were measured. The choice is made by its first message, and stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(in crate::imu) struct Clock {
+pub(in crate::imu) struct TimeSource {
     unit: Option<Unit>,
     choice: Option<Choice>,
 }
@@ -29,13 +29,13 @@ enum Choice {
 }
 
 /// Where the stamp of a message stands, and its `frame_id`.
-pub(in crate::imu) struct StampPlaces {
-    pub(in crate::imu) clock: Clock,
+pub(in crate::imu) struct StampFields {
+    pub(in crate::imu) clock: TimeSource,
     pub(in crate::imu) numbers: Vec<Place>,
     pub(in crate::imu) frame: Option<Place>,
 }
 
-impl Clock {
+impl TimeSource {
     /// The stamp in `numbers` unless that of the first message was 0, else the log time.
     pub(in crate::imu) fn read(&mut self, numbers: &[f64], log_time: u64) -> Stamp {
         let stamp = match (self.unit, numbers) {
@@ -56,14 +56,14 @@ impl Clock {
 
 /// The stamp in the header of a message itself, where viewers look for one; `None` where there is none, or it is 0.
 pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
-    let StampPlaces { mut clock, numbers: places, .. } =
-        StampPlaces::of(layout, &FieldPath::default().join("header"), "stamp")?;
+    let StampFields { mut clock, numbers: places, .. } =
+        StampFields::of(layout, &FieldPath::default().join("header"), "stamp")?;
     let mut numbers = vec![0.0; places.len()];
     Decoder::new(layout, &places, None).ok()?.read(data, &mut numbers).ok()?;
     Some(clock.read(&numbers, 0)).filter(|stamp| stamp.nanos() != 0)
 }
 
-impl StampPlaces {
+impl StampFields {
     /// Those of the message that holds the vector, or of the nearest message around it.
     pub(in crate::imu) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
         let mut around = Some(vector.parent().unwrap_or_default());
@@ -73,12 +73,12 @@ impl StampPlaces {
             }
             around = message.parent();
         }
-        Self { clock: Clock { unit: None, choice: None }, numbers: Vec::new(), frame: None }
+        Self { clock: TimeSource { unit: None, choice: None }, numbers: Vec::new(), frame: None }
     }
 
     /// Microseconds, and no frame.
     pub(in crate::imu) fn micros(place: Place) -> Self {
-        Self { clock: Clock { unit: Some(Unit::Micros), choice: None }, numbers: vec![place], frame: None }
+        Self { clock: TimeSource { unit: Some(Unit::Micros), choice: None }, numbers: vec![place], frame: None }
     }
 
     /// A `std_msgs/Header`, or what has its fields, or a time by itself.
@@ -94,7 +94,7 @@ impl StampPlaces {
         let numbers = names.iter().find_map(|(seconds, nanos)| {
             Some(vec![layout.find_number(&stamp.join(seconds))?, layout.find_number(&stamp.join(nanos))?])
         });
-        let clock = Clock { unit: Some(Unit::Seconds), choice: None };
+        let clock = TimeSource { unit: Some(Unit::Seconds), choice: None };
         Some(Self { clock, numbers: numbers?, frame: layout.find_text(&around.join("frame_id")) })
     }
 }

@@ -9,11 +9,11 @@ use crate::imu::sample::{Sample, Sensor};
 
 /// The first readings of a triad.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Peek(Vec<Sample>);
+pub struct FirstReadings(Vec<Sample>);
 
 /// What the readings of an accelerometer, or a gyroscope, seem to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Looks {
+pub enum UnitGuess {
     /// As configured.
     Right,
     /// In another unit that can be configured.
@@ -44,7 +44,7 @@ const WINDOW: usize = 50;
 /// Standard gravity, m/s².
 const G: f64 = 9.80665;
 
-impl Peek {
+impl FirstReadings {
     /// Takes a reading.
     pub fn push(&mut self, sample: Sample) {
         if self.wants_more() {
@@ -69,22 +69,22 @@ impl Peek {
     }
 
     /// What the readings, taken in m/s² or rad/s, seem to be.
-    pub fn looks(&self, sensor: Sensor) -> Looks {
-        let Some(rest) = self.at_rest() else { return Looks::Unknown };
+    pub fn looks(&self, sensor: Sensor) -> UnitGuess {
+        let Some(rest) = self.at_rest() else { return UnitGuess::Unknown };
         let is_near = |unit: f64| (0.85 * unit..1.15 * unit).contains(&rest);
         if sensor != Sensor::Gyroscope {
             return match () {
-                () if is_near(G) => Looks::Right,
-                () if is_near(1.0) => Looks::Accel(AccelUnit::StandardGravity),
-                () if is_near(G * G) => Looks::Accel(AccelUnit::MetresPerSecondSquared),
-                () if is_near(1000.0 * G) => Looks::Thousandths(AccelUnit::MetresPerSecondSquared),
-                () if is_near(1000.0) => Looks::Thousandths(AccelUnit::StandardGravity),
-                () => Looks::Unknown,
+                () if is_near(G) => UnitGuess::Right,
+                () if is_near(1.0) => UnitGuess::Accel(AccelUnit::StandardGravity),
+                () if is_near(G * G) => UnitGuess::Accel(AccelUnit::MetresPerSecondSquared),
+                () if is_near(1000.0 * G) => UnitGuess::Thousandths(AccelUnit::MetresPerSecondSquared),
+                () if is_near(1000.0) => UnitGuess::Thousandths(AccelUnit::StandardGravity),
+                () => UnitGuess::Unknown,
             };
         }
         // No gyroscope turns at more than 4000 °/s, nor has it an offset of 20 °/s (0.35 rad/s) at rest.
         let largest = self.0.iter().map(|sample| sample.value.norm()).fold(0.0, f64::max);
-        if largest > 70.0 || rest > 0.35 { Looks::Rate(RateUnit::DegreesPerSecond) } else { Looks::Unknown }
+        if largest > 70.0 || rest > 0.35 { UnitGuess::Rate(RateUnit::DegreesPerSecond) } else { UnitGuess::Unknown }
     }
 
     /// Whether two sensors seem to take turns: each reading is far from the one before, and near the one before that.
@@ -145,8 +145,8 @@ fn is_affine(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> bool {
 mod tests {
     use super::*;
 
-    fn peek(value: impl Fn(f64) -> [f64; 3]) -> Peek {
-        let mut peek = Peek::default();
+    fn peek(value: impl Fn(f64) -> [f64; 3]) -> FirstReadings {
+        let mut peek = FirstReadings::default();
         for i in 0..1500 {
             let value = value(f64::from(i)).into();
             peek.push(Sample { stamp: Stamp::from_nanos(i64::from(i) * 10), log_time: 0, value });
@@ -166,24 +166,24 @@ mod tests {
                 [(noise(i, 1.3) + shake) * scale, noise(i, 2.1) * scale, (G + shake) * scale]
             })
         };
-        assert_eq!(shaken(1.0).looks(Sensor::Accelerometer), Looks::Right);
-        assert_eq!(shaken(1.0 / G).looks(Sensor::Accelerometer), Looks::Accel(AccelUnit::StandardGravity));
-        assert_eq!(shaken(G).looks(Sensor::Accelerometer), Looks::Accel(AccelUnit::MetresPerSecondSquared));
-        let thousandths = Looks::Thousandths(AccelUnit::StandardGravity);
+        assert_eq!(shaken(1.0).looks(Sensor::Accelerometer), UnitGuess::Right);
+        assert_eq!(shaken(1.0 / G).looks(Sensor::Accelerometer), UnitGuess::Accel(AccelUnit::StandardGravity));
+        assert_eq!(shaken(G).looks(Sensor::Accelerometer), UnitGuess::Accel(AccelUnit::MetresPerSecondSquared));
+        let thousandths = UnitGuess::Thousandths(AccelUnit::StandardGravity);
         assert_eq!(shaken(1000.0 / G).looks(Sensor::Secondary(0)), thousandths);
-        assert_eq!(shaken(0.3).looks(Sensor::Accelerometer), Looks::Unknown);
-        assert_eq!(Peek::default().looks(Sensor::Accelerometer), Looks::Unknown);
+        assert_eq!(shaken(0.3).looks(Sensor::Accelerometer), UnitGuess::Unknown);
+        assert_eq!(FirstReadings::default().looks(Sensor::Accelerometer), UnitGuess::Unknown);
     }
 
     #[test]
     fn a_gyroscope_in_degrees_is_told_by_its_offset_or_its_turns() {
-        let degrees = Looks::Rate(RateUnit::DegreesPerSecond);
+        let degrees = UnitGuess::Rate(RateUnit::DegreesPerSecond);
         assert_eq!(peek(|i| [0.6, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), degrees);
         assert_eq!(
             peek(|i| [if i > 900.0 { 90.0 } else { 0.01 }, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope),
             degrees
         );
-        assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), Looks::Unknown);
+        assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), UnitGuess::Unknown);
     }
 
     #[test]
@@ -192,7 +192,7 @@ mod tests {
         assert!(turns.alternates());
         assert!(!peek(|i| [noise(i, 1.3), noise(i, 2.1), G]).alternates());
         assert!(!peek(|i| [(i * 0.1).sin(), 0.0, G]).alternates());
-        assert!(!peek(|_| [0.0, 0.0, G]).alternates() && !Peek::default().alternates());
+        assert!(!peek(|_| [0.0, 0.0, G]).alternates() && !FirstReadings::default().alternates());
     }
 
     #[test]
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(this.relation(&corrected), Some(Relation::Affine));
         assert_eq!(corrected.relation(&this), Some(Relation::Affine));
         assert_eq!(this.relation(&peek(|i| raw(i * 1.1).into())), None);
-        let mut later = Peek::default();
+        let mut later = FirstReadings::default();
         (0..1000).for_each(|i| {
             let value = raw(f64::from(i));
             later.push(Sample { stamp: Stamp::from_nanos(i64::from(i) * 10 + 5), log_time: 0, value });

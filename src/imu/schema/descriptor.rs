@@ -12,23 +12,23 @@ use super::layout::{Coding, Count, Field, Kind, Message, Number, SchemaError, Ta
 pub(super) fn parse(schema_name: &str, data: &[u8]) -> Result<Vec<Message>, SchemaError> {
     let error = |why: String| SchemaError::Contradiction { name: schema_name.to_owned(), why };
     let set = FileDescriptorSet::decode(data).map_err(|e| error(format!("is not a descriptor set: {e}")))?;
-    let mut definitions = Definitions::default();
+    let mut definitions = DescriptorIndex::default();
     for file in &set.file {
         definitions.add(file.package(), &file.message_type, &file.enum_type).map_err(error)?;
     }
-    let mut resolver = Resolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
+    let mut resolver = DescriptorResolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
     resolver.message(schema_name.trim_start_matches('.'), 0).map_err(error)?;
     Ok(resolver.messages)
 }
 
 /// By full name, without the leading dot.
 #[derive(Default)]
-struct Definitions<'a> {
+struct DescriptorIndex<'a> {
     messages: BTreeMap<String, &'a DescriptorProto>,
     enums: BTreeMap<String, &'a EnumDescriptorProto>,
 }
 
-impl<'a> Definitions<'a> {
+impl<'a> DescriptorIndex<'a> {
     fn add(
         &mut self,
         scope: &str,
@@ -54,8 +54,8 @@ impl<'a> Definitions<'a> {
     }
 }
 
-struct Resolver<'a> {
-    definitions: Definitions<'a>,
+struct DescriptorResolver<'a> {
+    definitions: DescriptorIndex<'a>,
     messages: Vec<Message>,
     /// Of the messages seen; absent while one is being resolved.
     ids: BTreeMap<String, Option<usize>>,
@@ -64,7 +64,7 @@ struct Resolver<'a> {
 /// Deeper nesting is not followed.
 const MAX_DEPTH: usize = 32;
 
-impl Resolver<'_> {
+impl DescriptorResolver<'_> {
     fn message(&mut self, name: &str, depth: usize) -> Result<usize, String> {
         if let Some(Some(id)) = self.ids.get(name) {
             return Ok(*id);

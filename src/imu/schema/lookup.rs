@@ -51,10 +51,10 @@ impl Layout {
     /// Paths of the three axes of such a vector.
     pub(in crate::imu) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
         match self.find(path) {
-            Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
+            Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
                 Ok(["x", "y", "z"].map(|axis| path.join(axis)))
             }
-            Some(Found { kind: Kind::Number(_), count: Count::Array(3) | Count::Sequence, .. }) => {
+            Some(PathTarget { kind: Kind::Number(_), count: Count::Array(3) | Count::Sequence, .. }) => {
                 Ok([0, 1, 2].map(|axis| path.element(axis)))
             }
             _ => Err(self.why_not(path, "a message with x, y, z or a list of three numbers")),
@@ -101,7 +101,7 @@ impl Layout {
             let is_float = |path: &FieldPath| {
                 let found = self.find(path);
                 let float =
-                    |f: Found| matches!(f.kind, Kind::Number(Number::F32 | Number::F64)) && f.count == Count::One;
+                    |f: PathTarget| matches!(f.kind, Kind::Number(Number::F32 | Number::F64)) && f.count == Count::One;
                 found.is_some_and(float) && path.to_string().parse().as_ref() == Ok(path)
             };
             (!stem.is_empty() && axes.iter().all(is_float)).then_some((stem, axes))
@@ -113,7 +113,7 @@ impl Layout {
     pub(in crate::imu) fn messages_inside(&self) -> Vec<(FieldPath, &str)> {
         let paths = self.paths().into_iter().skip(1);
         let named = paths.filter_map(|path| match self.find(&path)? {
-            Found { kind: Kind::Message(id), count: Count::One, .. } => {
+            PathTarget { kind: Kind::Message(id), count: Count::One, .. } => {
                 Some((path, self.messages.get(id)?.name.as_str()))
             }
             _ => None,
@@ -122,19 +122,19 @@ impl Layout {
     }
 
     pub(in crate::imu) fn find_number(&self, path: &FieldPath) -> Option<Place> {
-        let Found { kind: Kind::Number(number), count: Count::One, hops } = self.find(path)? else { return None };
+        let PathTarget { kind: Kind::Number(number), count: Count::One, hops } = self.find(path)? else { return None };
         (number != Number::Bool).then(|| Place { path: path.clone(), hops })
     }
 
     pub(in crate::imu) fn find_text(&self, path: &FieldPath) -> Option<Place> {
-        let Found { kind: Kind::Text, count: Count::One, hops } = self.find(path)? else { return None };
+        let PathTarget { kind: Kind::Text, count: Count::One, hops } = self.find(path)? else { return None };
         Some(Place { path: path.clone(), hops })
     }
 
     fn is_vector(&self, path: &FieldPath) -> bool {
-        let is_float = |found: &Found| matches!(found.kind, Kind::Number(Number::F32 | Number::F64));
+        let is_float = |found: &PathTarget| matches!(found.kind, Kind::Number(Number::F32 | Number::F64));
         match self.find(path) {
-            Some(Found { kind: Kind::Message(_), count: Count::One, .. }) => {
+            Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
                 let is_axis = |name| self.find(&path.join(name)).is_some_and(|f| f.count == Count::One && is_float(&f));
                 ["x", "y", "z"].into_iter().all(is_axis) && self.find(&path.join("w")).is_none()
             }
@@ -147,12 +147,12 @@ impl Layout {
         }
     }
 
-    fn find(&self, path: &FieldPath) -> Option<Found> {
-        let root = Found { hops: Vec::new(), kind: Kind::Message(0), count: Count::One };
+    fn find(&self, path: &FieldPath) -> Option<PathTarget> {
+        let root = PathTarget { hops: Vec::new(), kind: Kind::Message(0), count: Count::One };
         path.segments().iter().try_fold(root, |found, segment| self.step(found, segment))
     }
 
-    fn step(&self, from: Found, segment: &Segment) -> Option<Found> {
+    fn step(&self, from: PathTarget, segment: &Segment) -> Option<PathTarget> {
         let (Kind::Message(message), Count::One) = (from.kind, from.count) else { return None };
         let fields = &self.messages.get(message)?.fields;
         let field = fields.iter().position(|field| field.name == segment.name)?;
@@ -165,7 +165,7 @@ impl Layout {
         };
         let mut hops = from.hops;
         hops.push(Hop { field, element: segment.element });
-        Some(Found { hops, kind, count })
+        Some(PathTarget { hops, kind, count })
     }
 
     fn why_not(&self, path: &FieldPath, wanted: &'static str) -> PathError {
@@ -213,7 +213,7 @@ impl Layout {
 }
 
 /// What a path leads to.
-struct Found {
+struct PathTarget {
     hops: Vec<Hop>,
     kind: Kind,
     count: Count,

@@ -9,23 +9,23 @@ use super::layout::{Count, Field, Kind, Message, Number, SchemaError, Wire};
 pub(super) fn parse(schema_name: &str, text: &str, wire: Wire) -> Result<Vec<Message>, SchemaError> {
     let root = normal(schema_name);
     let definitions = definitions(schema_name, &root, text)?;
-    let mut resolver = Resolver { schema_name, wire, definitions, messages: Vec::new(), ids: BTreeMap::new() };
+    let mut resolver = RosResolver { schema_name, wire, definitions, messages: Vec::new(), ids: BTreeMap::new() };
     resolver.message(&root, 0)?;
     Ok(resolver.messages)
 }
 
 /// A field as it is written, its type not yet looked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Line {
+struct FieldLine {
     name: String,
     base: String,
     count: Count,
 }
 
-type Definitions = BTreeMap<String, Vec<Line>>;
+type RosDefinitions = BTreeMap<String, Vec<FieldLine>>;
 
-fn definitions(schema_name: &str, root: &str, text: &str) -> Result<Definitions, SchemaError> {
-    let mut definitions = Definitions::new();
+fn definitions(schema_name: &str, root: &str, text: &str) -> Result<RosDefinitions, SchemaError> {
+    let mut definitions = RosDefinitions::new();
     let mut name = Some(root.to_owned());
     let mut lines = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -52,7 +52,7 @@ fn definitions(schema_name: &str, root: &str, text: &str) -> Result<Definitions,
 }
 
 /// Some recorders repeat a definition; two different ones are a contradiction.
-fn add(definitions: &mut Definitions, name: String, lines: Vec<Line>) -> Result<(), String> {
+fn add(definitions: &mut RosDefinitions, name: String, lines: Vec<FieldLine>) -> Result<(), String> {
     let mut names: Vec<_> = lines.iter().map(|line| &line.name).collect();
     names.sort_unstable();
     if let Some(pair) = names.windows(2).find(|pair| pair.first() == pair.last()) {
@@ -67,7 +67,7 @@ fn add(definitions: &mut Definitions, name: String, lines: Vec<Line>) -> Result<
 }
 
 /// One line of a definition: a field, or none if it is a constant.
-fn field(line: &str) -> Result<Option<Line>, String> {
+fn field(line: &str) -> Result<Option<FieldLine>, String> {
     let not_a_field = || format!("`{line}` is neither a field nor a constant");
     let (kind, rest) = line.split_once(char::is_whitespace).ok_or_else(not_a_field)?;
     let rest = rest.trim_start();
@@ -84,7 +84,7 @@ fn field(line: &str) -> Result<Option<Line>, String> {
         return Ok(None);
     }
     let (base, count) = counted(kind)?;
-    Ok(Some(Line { name: name.to_owned(), base: unbounded(base)?.to_owned(), count }))
+    Ok(Some(FieldLine { name: name.to_owned(), base: unbounded(base)?.to_owned(), count }))
 }
 
 /// Splits `T`, `T[3]`, `T[]` or `T[<=3]`.
@@ -117,10 +117,10 @@ fn normal(name: &str) -> String {
     }
 }
 
-struct Resolver<'a> {
+struct RosResolver<'a> {
     schema_name: &'a str,
     wire: Wire,
-    definitions: Definitions,
+    definitions: RosDefinitions,
     messages: Vec<Message>,
     /// Of the messages seen; absent while one is being resolved.
     ids: BTreeMap<String, Option<usize>>,
@@ -129,7 +129,7 @@ struct Resolver<'a> {
 /// Deeper nesting is not found in real schemas.
 const MAX_DEPTH: usize = 32;
 
-impl Resolver<'_> {
+impl RosResolver<'_> {
     fn message(&mut self, name: &str, depth: usize) -> Result<usize, SchemaError> {
         match self.ids.get(name) {
             Some(Some(id)) => return Ok(*id),
@@ -144,7 +144,7 @@ impl Resolver<'_> {
         self.ids.insert(name.to_owned(), None);
         self.messages.push(Message::new(name, Vec::new()));
         let mut fields = Vec::with_capacity(lines.len());
-        for Line { name: field, base, count } in lines {
+        for FieldLine { name: field, base, count } in lines {
             let kind = self.kind(name, &base, depth)?;
             fields.push(Field::new(field, kind, count));
         }
@@ -194,7 +194,7 @@ impl Resolver<'_> {
     }
 
     /// Types that recorders may leave out.
-    fn well_known(&self, name: &str) -> Option<Vec<Line>> {
+    fn well_known(&self, name: &str) -> Option<Vec<FieldLine>> {
         let (seconds, nanos) = match (name, self.wire) {
             ("time", Wire::Ros1) => (("secs", "uint32"), ("nsecs", "uint32")),
             ("duration", Wire::Ros1) => (("secs", "int32"), ("nsecs", "int32")),
@@ -203,7 +203,7 @@ impl Resolver<'_> {
             }
             _ => return None,
         };
-        let line = |(name, base): (&str, &str)| Line { name: name.into(), base: base.into(), count: Count::One };
+        let line = |(name, base): (&str, &str)| FieldLine { name: name.into(), base: base.into(), count: Count::One };
         Some(vec![line(seconds), line(nanos)])
     }
 

@@ -11,7 +11,7 @@ use self::remarks::peek;
 use crate::Error;
 use crate::Stamp;
 use crate::config::Config;
-use crate::imu::{ImuConfig, Intake, Layout, Sensor, Suggestion, Verdict, header_stamp};
+use crate::imu::{ChannelRole, ImuConfig, Intake, Layout, Sensor, Suggestion, header_stamp};
 use crate::record::{Channel, Event, Message, Schema};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::splits::Input;
@@ -38,7 +38,7 @@ pub struct Use {
     /// Type of its messages; empty without schema.
     pub schema: String,
     /// What it is used for.
-    pub verdict: Verdict,
+    pub verdict: ChannelRole,
     /// Messages on it.
     pub messages: u64,
     /// Whose stamps are times of the recording.
@@ -82,9 +82,9 @@ impl Channels {
 
 /// What to add to the configuration of a recording in which nothing is used: an IMU rather than an accelerometer by
 /// itself, one with a gyroscope rather than one without.
-pub(crate) fn suggested<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Option<ImuConfig> {
+pub(crate) fn suggested<'a>(verdicts: impl Iterator<Item = &'a ChannelRole>) -> Option<ImuConfig> {
     let suggestions = verdicts.filter_map(|verdict| match verdict {
-        Verdict::Other { suggestion, .. } => suggestion.as_deref(),
+        ChannelRole::Other { suggestion, .. } => suggestion.as_deref(),
         _ => None,
     });
     let worth = |suggestion: &&Suggestion| match suggestion {
@@ -99,13 +99,13 @@ pub(crate) fn suggested<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Opti
 pub(crate) fn no_imu<'a>(
     path: &Path,
     missing: &[String],
-    channels: impl Iterator<Item = (&'a Channel, &'a Verdict, &'a str)> + Clone,
+    channels: impl Iterator<Item = (&'a Channel, &'a ChannelRole, &'a str)> + Clone,
 ) -> Error {
     const LISTED: usize = 8;
-    let topic = |(channel, verdict, kind): (&Channel, &Verdict, &'a str)| {
+    let topic = |(channel, verdict, kind): (&Channel, &ChannelRole, &'a str)| {
         let kind = if kind.is_empty() { &channel.message_encoding } else { kind };
         match verdict {
-            Verdict::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
+            ChannelRole::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
             _ => format!("{} ({kind})", channel.topic),
         }
     };
@@ -184,7 +184,7 @@ fn look_through(
             glance.channels.values().for_each(|channel| look.channel(channel));
             head(recording, watch, |event| {
                 look.take(event);
-                !look.channels.iter().any(|channel| look.intake.verdict(channel.id) == &Verdict::Untold)
+                !look.channels.iter().any(|channel| look.intake.verdict(channel.id) == &ChannelRole::Untold)
             })?;
             (glance.counts, glance.span)
         }
@@ -265,7 +265,7 @@ impl Look {
     fn uses(&self, counts: &BTreeMap<u16, u64>) -> Vec<Use> {
         let verdicts = self.channels.iter().map(|channel| (channel, self.intake.verdict(channel.id)));
         let primary = verdicts.clone().find(|(_, verdict)| match verdict {
-            Verdict::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
+            ChannelRole::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
             _ => false,
         });
         let primary = primary.map(|(channel, _)| channel.topic.as_str());
@@ -277,7 +277,7 @@ impl Look {
             stamped: Stamped::default(),
             remarks: Vec::new(),
             configuration: match verdict {
-                Verdict::Other { suggestion: Some(suggestion), .. } => Some(suggestion.config(primary)),
+                ChannelRole::Other { suggestion: Some(suggestion), .. } => Some(suggestion.config(primary)),
                 _ => None,
             },
         });
@@ -308,7 +308,7 @@ mod tests {
         };
         let (end, all) = (looked(0), looked(u64::MAX));
         assert_eq!(format!("{end:?}"), format!("{all:?}"));
-        assert!(all.channels.iter().any(|used| used.messages > 100 && matches!(used.verdict, Verdict::Used(_))));
+        assert!(all.channels.iter().any(|used| used.messages > 100 && matches!(used.verdict, ChannelRole::Used(_))));
 
         // What is cut off says nothing at its end.
         std::fs::write(&path, &bytes[..bytes.len() * 3 / 4]).unwrap();

@@ -7,10 +7,10 @@ use crate::imu::schema::lookup::PathError;
 
 /// A message that something is read from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(in crate::imu::decode) struct Tagged {
+pub(in crate::imu::decode) struct ProtobufPlan {
     /// Its own number among those that are read from.
     pub(super) id: usize,
-    pub(super) fields: Vec<Wanted>,
+    pub(super) fields: Vec<PlannedField>,
     /// Slots, and what is in them where the message is there but leaves the field out.
     pub(super) absent: Vec<(usize, Bits)>,
 }
@@ -21,7 +21,7 @@ pub(super) struct Bits(pub(super) u64);
 
 /// A field that is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Wanted {
+pub(super) struct PlannedField {
     pub(super) number: u32,
     pub(super) take: Take,
 }
@@ -34,7 +34,7 @@ pub(super) enum Take {
         slots: Vec<usize>,
     },
     Text,
-    Message(Tagged),
+    Message(ProtobufPlan),
     /// A list of numbers: which elements go to which slots.
     Numbers {
         list: usize,
@@ -45,14 +45,14 @@ pub(super) enum Take {
     /// A list of messages: which elements are read from.
     Messages {
         list: usize,
-        elements: Vec<(u32, Tagged)>,
+        elements: Vec<(u32, ProtobufPlan)>,
     },
 }
 
 /// Messages, and lists, from which something is read; more are in no real configuration.
 pub(super) const MAX_PARTS: usize = 32;
 
-impl Tagged {
+impl ProtobufPlan {
     /// Reads the numbers into slots by their order, and the text.
     ///
     /// # Errors
@@ -62,8 +62,8 @@ impl Tagged {
         numbers: &[Place],
         text: Option<&Place>,
     ) -> Result<Self, PathError> {
-        let mut compiler = Compiler { layout, messages: 0, lists: 0 };
-        let mut root = compiler.tagged();
+        let mut compiler = ProtobufCompiler { layout, messages: 0, lists: 0 };
+        let mut root = compiler.protobuf();
         for (slot, place) in numbers.iter().enumerate() {
             compiler.want(&mut root, 0, &place.hops, Some(slot));
         }
@@ -101,27 +101,27 @@ impl Tagged {
     }
 }
 
-struct Compiler<'a> {
+struct ProtobufCompiler<'a> {
     layout: &'a Layout,
     messages: usize,
     lists: usize,
 }
 
-impl Compiler<'_> {
-    fn tagged(&mut self) -> Tagged {
+impl ProtobufCompiler<'_> {
+    fn protobuf(&mut self) -> ProtobufPlan {
         self.messages += 1;
-        Tagged { id: self.messages - 1, fields: Vec::new(), absent: Vec::new() }
+        ProtobufPlan { id: self.messages - 1, fields: Vec::new(), absent: Vec::new() }
     }
 
     /// Wants what `hops` lead to from `message`, which `own` reads.
-    fn want(&mut self, own: &mut Tagged, message: usize, hops: &[Hop], slot: Option<usize>) {
+    fn want(&mut self, own: &mut ProtobufPlan, message: usize, hops: &[Hop], slot: Option<usize>) {
         let Some((hop, rest)) = hops.split_first() else { return };
         let field = self.layout.messages.get(message).and_then(|message| message.fields.get(hop.field));
         let Some(&Field { kind, count, tag: Some(tag), .. }) = field else { return };
         let at = own.fields.iter().position(|wanted| wanted.number == tag.number).unwrap_or(own.fields.len());
         if at == own.fields.len() {
             let take = self.take(kind, count, tag);
-            own.fields.push(Wanted { number: tag.number, take });
+            own.fields.push(PlannedField { number: tag.number, take });
         }
         let inner = match (&mut own.fields[at].take, hop.element, slot) {
             (Take::Number { slots, .. }, _, Some(slot)) => {
@@ -134,7 +134,7 @@ impl Compiler<'_> {
             (Take::Messages { elements, .. }, Some(element), _) => {
                 let at = elements.iter().position(|(known, _)| *known == element).unwrap_or(elements.len());
                 if at == elements.len() {
-                    elements.push((element, self.tagged()));
+                    elements.push((element, self.protobuf()));
                 }
                 &mut elements[at].1
             }
@@ -151,7 +151,7 @@ impl Compiler<'_> {
         match (kind, count) {
             (Kind::Number(number), Count::One) => Take::Number { number, coding, slots: Vec::new() },
             (Kind::Number(number), _) => Take::Numbers { list, number, coding, slots: Vec::new() },
-            (Kind::Message(_), Count::One) => Take::Message(self.tagged()),
+            (Kind::Message(_), Count::One) => Take::Message(self.protobuf()),
             (Kind::Message(_), _) => Take::Messages { list, elements: Vec::new() },
             _ => Take::Text,
         }

@@ -1,11 +1,11 @@
-//! A walk over the bytes of a protobuf message. What is looked for is its [`Tagged`].
+//! A walk over the bytes of a protobuf message. What is looked for is its [`ProtobufPlan`].
 
-use super::plan::{Bits, MAX_PARTS, Tagged, Take};
+use super::plan::{Bits, MAX_PARTS, ProtobufPlan, Take};
 use super::wire;
 use crate::imu::decode::malformed::Malformed;
 use crate::imu::schema::layout::{Coding, Number};
 
-impl Tagged {
+impl ProtobufPlan {
     /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
     /// message or list around it is not there either.
     pub(in crate::imu::decode) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
@@ -19,26 +19,26 @@ impl Tagged {
 
     fn walk<'d, const LOCATE: bool>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
         numbers.fill(f64::NAN);
-        let mut walk = Walk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
+        let mut walk = ProtobufWalk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
         walk.message(self, data.len())?;
         Ok(walk.text)
     }
 }
 
 /// A walk over a message; it keeps, or locates, what is looked for.
-struct Walk<'d, 'n, const LOCATE: bool> {
+struct ProtobufWalk<'d, 'n, const LOCATE: bool> {
     data: &'d [u8],
     at: usize,
     numbers: &'n mut [f64],
     text: &'d [u8],
-    /// One bit for each [`Tagged::id`] that was met.
+    /// One bit for each [`ProtobufPlan::id`] that was met.
     begun: u32,
     /// Elements of each list so far.
     counts: [u32; MAX_PARTS],
 }
 
-impl<const LOCATE: bool> Walk<'_, '_, LOCATE> {
-    fn message(&mut self, message: &Tagged, end: usize) -> Result<(), Malformed> {
+impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
+    fn message(&mut self, message: &ProtobufPlan, end: usize) -> Result<(), Malformed> {
         // A message in parts is merged: only the first part begins with the defaults.
         if self.begun & 1 << message.id == 0 {
             self.begun |= 1 << message.id;

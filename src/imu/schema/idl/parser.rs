@@ -9,7 +9,7 @@ use super::lexer::{Token, TokenKind, tokens};
 use crate::imu::schema::layout::{Evolution, Number};
 
 /// By scoped name, `pkg::msg::Type`.
-pub(super) type Definitions = BTreeMap<String, Definition>;
+pub(super) type IdlDefinitions = BTreeMap<String, Definition>;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Definition {
@@ -43,12 +43,12 @@ pub(super) enum Type {
 }
 
 /// A line that cannot be understood, and why.
-pub(super) type Fault = (usize, String);
+pub(super) type LineError = (usize, String);
 
 /// Everything that `text` defines.
-pub(super) fn parse(text: &str) -> Result<Definitions, Fault> {
+pub(super) fn parse(text: &str) -> Result<IdlDefinitions, LineError> {
     let tokens = tokens(text).map_err(|line| (line, "a comment or text that never ends".to_owned()))?;
-    let mut parser = Parser { tokens: &tokens, scope: Vec::new(), definitions: Definitions::new() };
+    let mut parser = Parser { tokens: &tokens, scope: Vec::new(), definitions: IdlDefinitions::new() };
     while !parser.tokens.is_empty() {
         parser.definition()?;
     }
@@ -61,7 +61,7 @@ pub(super) fn parse(text: &str) -> Result<Definitions, Fault> {
 struct Parser<'t, 'a> {
     tokens: &'t [Token<'a>],
     scope: Vec<&'a str>,
-    definitions: Definitions,
+    definitions: IdlDefinitions,
 }
 
 /// What annotations say that matters for the bytes.
@@ -77,7 +77,7 @@ const MAX_DEPTH: usize = 16;
 
 impl<'a> Parser<'_, 'a> {
     /// A definition, or the end of a module.
-    fn definition(&mut self) -> Result<(), Fault> {
+    fn definition(&mut self) -> Result<(), LineError> {
         if self.symbol('}') {
             if self.scope.pop().is_none() {
                 return Err(self.fault("a } too many"));
@@ -119,7 +119,7 @@ impl<'a> Parser<'_, 'a> {
         }
     }
 
-    fn structure(&mut self, annotations: &Annotations) -> Result<(), Fault> {
+    fn structure(&mut self, annotations: &Annotations) -> Result<(), LineError> {
         let name = self.word()?.to_owned();
         if self.symbol(';') {
             return Ok(());
@@ -142,7 +142,7 @@ impl<'a> Parser<'_, 'a> {
         self.define(&name, definition)
     }
 
-    fn enumeration(&mut self, annotations: &Annotations) -> Result<(), Fault> {
+    fn enumeration(&mut self, annotations: &Annotations) -> Result<(), LineError> {
         let name = self.word()?.to_owned();
         self.expect('{')?;
         while !self.symbol('}') {
@@ -163,7 +163,7 @@ impl<'a> Parser<'_, 'a> {
     }
 
     /// Passes over a definition whose inside does not matter.
-    fn unread(&mut self, kind: &str) -> Result<(), Fault> {
+    fn unread(&mut self, kind: &str) -> Result<(), LineError> {
         let name = self.word()?.to_owned();
         let mut depth = 0_usize;
         while let Some(token) = self.next() {
@@ -177,7 +177,7 @@ impl<'a> Parser<'_, 'a> {
         self.define(&name, Definition::Unread(format!("{name} is a {kind}, which is not read")))
     }
 
-    fn kind(&mut self, depth: usize) -> Result<Type, Fault> {
+    fn kind(&mut self, depth: usize) -> Result<Type, LineError> {
         if depth > MAX_DEPTH {
             return Err(self.fault("sequences are nested too deeply"));
         }
@@ -240,7 +240,7 @@ impl<'a> Parser<'_, 'a> {
     }
 
     /// `a, b[3]` up to the semicolon.
-    fn declarators(&mut self, base: &Type) -> Result<Vec<(String, Type)>, Fault> {
+    fn declarators(&mut self, base: &Type) -> Result<Vec<(String, Type)>, LineError> {
         let mut declared = Vec::new();
         loop {
             let name = self.word()?.to_owned();
@@ -279,7 +279,7 @@ impl<'a> Parser<'_, 'a> {
         text
     }
 
-    fn annotations(&mut self) -> Result<Annotations, Fault> {
+    fn annotations(&mut self) -> Result<Annotations, LineError> {
         let mut found = Annotations::default();
         while self.symbol('@') {
             let name = self.scoped()?;
@@ -322,7 +322,7 @@ impl<'a> Parser<'_, 'a> {
         found
     }
 
-    fn scoped(&mut self) -> Result<String, Fault> {
+    fn scoped(&mut self) -> Result<String, LineError> {
         let mut name = String::new();
         loop {
             if self.peek() == Some(TokenKind::Scope) {
@@ -337,7 +337,7 @@ impl<'a> Parser<'_, 'a> {
     }
 
     /// Recorders repeat definitions; two different ones are a contradiction.
-    fn define(&mut self, name: &str, definition: Definition) -> Result<(), Fault> {
+    fn define(&mut self, name: &str, definition: Definition) -> Result<(), LineError> {
         let name = [self.scope.as_slice(), &[name]].concat().join("::");
         match self.definitions.entry(name) {
             Entry::Vacant(vacant) => drop(vacant.insert(definition)),
@@ -361,7 +361,7 @@ impl<'a> Parser<'_, 'a> {
         Some(*first)
     }
 
-    fn word(&mut self) -> Result<&'a str, Fault> {
+    fn word(&mut self) -> Result<&'a str, LineError> {
         match self.peek() {
             Some(TokenKind::Word(word)) => {
                 self.next();
@@ -387,14 +387,14 @@ impl<'a> Parser<'_, 'a> {
         found
     }
 
-    fn expect(&mut self, symbol: char) -> Result<(), Fault> {
+    fn expect(&mut self, symbol: char) -> Result<(), LineError> {
         if self.symbol(symbol) {
             return Ok(());
         }
         Err(self.fault(format!("expected `{symbol}`, found {}", named(self.peek()))))
     }
 
-    fn fault(&self, why: impl Into<String>) -> Fault {
+    fn fault(&self, why: impl Into<String>) -> LineError {
         (self.tokens.first().map_or(0, |token| token.line), why.into())
     }
 }

@@ -1,21 +1,21 @@
-//! Definitions of IDL turned into messages: names looked up from the scope they stand in, aliases followed, sizes of
+//! IdlDefinitions of IDL turned into messages: names looked up from the scope they stand in, aliases followed, sizes of
 //! arrays worked out.
 
 use std::collections::BTreeMap;
 
-use super::parser::{Definition, Definitions, Struct, Type};
+use super::parser::{Definition, IdlDefinitions, Struct, Type};
 use crate::imu::schema::layout::{Count, Evolution, Field, Kind, Message};
 
 /// The messages that the root needs, the root first; or what is wrong.
-pub(super) fn resolve(schema_name: &str, definitions: &Definitions) -> Result<Vec<Message>, String> {
-    let mut resolver = Resolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
+pub(super) fn resolve(schema_name: &str, definitions: &IdlDefinitions) -> Result<Vec<Message>, String> {
+    let mut resolver = IdlResolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
     let root = resolver.root(schema_name)?;
     resolver.message(&root, 0)?;
     Ok(resolver.messages)
 }
 
-struct Resolver<'a> {
-    definitions: &'a Definitions,
+struct IdlResolver<'a> {
+    definitions: &'a IdlDefinitions,
     messages: Vec<Message>,
     /// Of the structs seen; absent while one is being resolved.
     ids: BTreeMap<String, Option<usize>>,
@@ -27,7 +27,7 @@ const MAX_DEPTH: usize = 32;
 /// More messages are in no real schema; lists of lists make some of their own.
 const MAX_MESSAGES: usize = 4096;
 
-impl Resolver<'_> {
+impl IdlResolver<'_> {
     /// The struct that a schema is named after: `pkg/msg/Type`, `pkg::msg::Type`, or the only one called so.
     fn root(&self, schema_name: &str) -> Result<String, String> {
         let wanted = schema_name.replace('/', "::");

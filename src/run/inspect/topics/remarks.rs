@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 
 use super::{Look, Stamped, Use, head};
 use crate::config::Config;
-use crate::imu::{AccelUnit, ImuConfig, Looks, Peek, Reading, Relation, Sensor};
+use crate::imu::{AccelUnit, FirstReadings, ImuConfig, Reading, Relation, Sensor, UnitGuess};
 use crate::record::Event;
 use crate::run::input::recording::{Recording, Watch};
 use crate::{Error, Stamp};
@@ -20,7 +20,7 @@ pub(super) fn peek(
     let suggested = channels.iter().filter_map(|used| used.configuration.clone());
     let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
     let mut look = Look::new(&Config { imu: imus, ..config.clone() });
-    let mut peeks: BTreeMap<(usize, usize), (Sensor, Peek)> = BTreeMap::new();
+    let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
     let mut stamped = BTreeMap::new();
     head(recording, watch, |event| {
         let Event::Message(message) = event else {
@@ -31,7 +31,7 @@ pub(super) fn peek(
         look.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
                 measured = Some(sample.stamp);
-                peeks.entry((imu.index(), sensor.index())).or_insert((sensor, Peek::default())).1.push(sample);
+                peeks.entry((imu.index(), sensor.index())).or_insert((sensor, FirstReadings::default())).1.push(sample);
             }
         });
         if let (Some(measured), Entry::Vacant(new)) = (measured, stamped.entry(message.channel)) {
@@ -69,7 +69,7 @@ struct Peeked {
     topic: String,
     imu: usize,
     sensor: Sensor,
-    peek: Peek,
+    peek: FirstReadings,
 }
 
 /// Says in which unit a triad seems to be, and puts it into the configuration that is offered.
@@ -84,27 +84,27 @@ fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, 
         used.remarks.push(says(turns.to_owned()));
     }
     let remark = match peek.looks(*sensor) {
-        Looks::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
-        Looks::Right => return,
-        Looks::Accel(unit) => {
+        UnitGuess::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
+        UnitGuess::Right => return,
+        UnitGuess::Accel(unit) => {
             let unit_name = if unit == AccelUnit::StandardGravity { "g" } else { "m/s^2" };
             set_unit(used, config, |imu| imu.accel.get_or_insert_default().unit = unit);
             says(format!(
                 "reads {rest:.2} at rest: not m/s² but g, or the other way round; the lines below say {unit_name}"
             ))
         }
-        Looks::Rate(unit) => {
+        UnitGuess::Rate(unit) => {
             set_unit(used, config, |imu| imu.gyro.get_or_insert_default().unit = unit);
             says(format!("reads {rest:.2} at rest: too much for rad/s; the lines below say deg/s"))
         }
-        Looks::Thousandths(unit) => {
+        UnitGuess::Thousandths(unit) => {
             let unit = if unit == AccelUnit::StandardGravity { "g" } else { "m/s²" };
             says(format!(
                 "reads {rest:.0} at rest: thousandths of {unit}, which no setting converts; record it in m/s² or g"
             ))
         }
-        Looks::Unknown if *sensor == Sensor::Gyroscope => return,
-        Looks::Unknown => says(format!(
+        UnitGuess::Unknown if *sensor == Sensor::Gyroscope => return,
+        UnitGuess::Unknown => says(format!(
             "reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity removed?"
         )),
     };

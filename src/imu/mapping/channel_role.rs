@@ -1,4 +1,4 @@
-//! Use that is made of a channel.
+//! VectorUse that is made of a channel.
 
 use std::fmt;
 
@@ -10,9 +10,9 @@ use crate::imu::schema::path::FieldPath;
 
 /// What a channel is used for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Verdict {
+pub enum ChannelRole {
     /// Samples are taken from it.
-    Used(Vec<Use>),
+    Used(Vec<VectorUse>),
     /// It says where the recording is made, and so how long gravity is.
     Position,
     /// It would be used, or might be, but cannot be read: why, in one line.
@@ -32,7 +32,7 @@ pub enum Verdict {
 
 /// One vector that is read from the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Use {
+pub struct VectorUse {
     /// Output name of the IMU it belongs to; further IMUs on the same topic have their `frame_id` appended.
     pub imu: String,
     /// Which triad it is.
@@ -45,11 +45,11 @@ pub struct Use {
     pub axes: [String; 3],
 }
 
-impl fmt::Display for Verdict {
+impl fmt::Display for ChannelRole {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Used(uses) => {
-                for (i, Use { imu, name, path, .. }) in uses.iter().enumerate() {
+                for (i, VectorUse { imu, name, path, .. }) in uses.iter().enumerate() {
                     write!(f, "{}{name} of {imu} (", if i == 0 { "" } else { ", " })?;
                     f.write_str(if path.is_empty() { "the message itself)" } else { path })?;
                     f.write_str(if path.is_empty() { "" } else { ")" })?;
