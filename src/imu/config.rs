@@ -1,5 +1,4 @@
-//! The `[[imu]]` tables of the configuration: which fields of which topics are an IMU. What the fields hold is left to
-//! [`Layout`](super::Layout).
+//! The `[[imu]]` tables of the configuration: which fields of which topics are an IMU.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -82,7 +81,7 @@ pub enum SecondaryModel {
     CrossAxis,
 }
 
-/// Where a vector stands in the messages of a topic. Written as a path, as three paths, or as a table.
+/// Place of a vector in the messages of a topic. Written as a path, as three paths, or as a table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct VectorConfig<Unit> {
     /// Its topic; the IMU's if absent. A secondary accelerometer names its topic one level up.
@@ -130,7 +129,7 @@ pub enum RateUnit {
 }
 
 impl AccelUnit {
-    /// What a value is multiplied with to be in m/s².
+    /// Factor that turns a value into m/s².
     pub fn factor(self) -> f64 {
         match self {
             Self::MetresPerSecondSquared => 1.0,
@@ -140,7 +139,7 @@ impl AccelUnit {
 }
 
 impl RateUnit {
-    /// What a value is multiplied with to be in rad/s.
+    /// Factor that turns a value into rad/s.
     pub fn factor(self) -> f64 {
         match self {
             Self::RadiansPerSecond => 1.0,

@@ -93,7 +93,7 @@ impl Intake {
         self.verdict(channel.id)
     }
 
-    /// What a channel is used for. Later channels, or its first message, may show more.
+    /// Role of a channel. Later channels, or its first message, may show more.
     pub fn verdict(&self, channel_id: u16) -> &ChannelRole {
         self.verdicts.get(&channel_id).unwrap_or(&ChannelRole::Annotation)
     }
@@ -209,7 +209,7 @@ impl Intake {
         &self.imus
     }
 
-    /// What was refused so far, by topic.
+    /// Refusals so far, by topic.
     pub fn faults(&self) -> Vec<RefusalCount> {
         let mut faults = Vec::new();
         for route in self.routes.values().flatten() {
@@ -229,7 +229,7 @@ impl Intake {
         faults
     }
 
-    /// What people should know and have not been told: each thing once, in the order in which it was seen.
+    /// News for people that they have not been told: each thing once, in the order in which it was seen.
     pub fn take_notices(&mut self) -> Vec<Notice> {
         std::mem::take(&mut self.notices)
     }

@@ -16,7 +16,7 @@ pub struct Sample {
     pub value: Vector3<f64>,
 }
 
-/// What a message says of one triad.
+/// Message's word on one triad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
     /// It measured.
@@ -32,7 +32,7 @@ pub enum Reading {
     },
 }
 
-/// Which triad of an IMU a sample belongs to.
+/// Triad of an IMU that a sample belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Sensor {
     /// The primary accelerometer.
@@ -41,11 +41,11 @@ pub enum Sensor {
     Gyroscope,
     /// A further accelerometer that moves with the primary one, by its place in the configuration.
     Secondary(usize),
-    /// What there was to read, by a reference that knows.
+    /// Truth that there was to read, by a reference that knows.
     Reference(Quantity),
 }
 
-/// What a reference knows.
+/// Quantity that a reference knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Quantity {
     /// True specific force, m/s².
@@ -67,7 +67,7 @@ impl Sensor {
     }
 }
 
-/// Which IMU of a recording, in the order in which they were seen.
+/// IMU of a recording, by the order in which they were seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct ImuId(usize);

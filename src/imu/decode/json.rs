@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use super::malformed::Malformed;
 use crate::imu::schema::layout::Place;
 
-/// What is wanted of a value and of what is inside it.
+/// Picks from a JSON value and from what is inside it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Pick {
     slots: Vec<usize>,
@@ -57,7 +57,7 @@ impl Pick {
 }
 
 impl Pick {
-    /// Where the text of numbers stands.
+    /// Places of the texts of numbers.
     pub(super) fn locate(&self, data: &[u8], places: &mut [Option<Range<usize>>]) -> Option<()> {
         let root: &RawValue = serde_json::from_slice(data).ok()?;
         self.locate_in(root, data.as_ptr().addr(), places);
@@ -197,7 +197,7 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
     }
 }
 
-/// Which of the picks a key names.
+/// Picks among which a key chooses.
 struct Key<'p>(&'p [(String, Pick)]);
 
 impl<'p, 'd> DeserializeSeed<'d> for Key<'p> {

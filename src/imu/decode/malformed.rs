@@ -1,6 +1,6 @@
 //! Reasons why the bytes of a message are not what its schema says.
 
-/// Why the bytes of a message are not what its schema says.
+/// Reason why the bytes of a message are not what its schema says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// The payload ends too early.
@@ -48,7 +48,7 @@ pub enum Malformed {
     },
 }
 
-/// What an encapsulation is that is not read.
+/// Name of an encapsulation that is not read.
 fn encapsulation(identifier: u16) -> &'static str {
     match identifier {
         0x02 | 0x03 | 0x0a | 0x0b | 0x12 | 0x13 => "a parameter list, as of @mutable types",

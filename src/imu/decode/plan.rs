@@ -1,5 +1,5 @@
 //! A layout compiled to the few steps in which CDR or ROS 1 bytes are walked: what stands at a fixed distance is one
-//! span, and only strings and lists interrupt it. Taking the steps is left to [`walk`](super::walk).
+//! span, and only strings and lists interrupt it.
 
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +61,7 @@ pub(super) struct Rules {
     pub(super) sizes: Sizes,
 }
 
-/// What is preceded by its size in bytes.
+/// Kinds of parts that are preceded by their size in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sizes {
     /// Nothing: XCDR1, ROS 1.
@@ -105,7 +105,7 @@ impl Plan {
     }
 }
 
-/// What is looked for below a message: a number for a slot, or the text.
+/// Goal below a message: a number for a slot, or the text.
 #[derive(Clone, Copy)]
 struct WantedNumber<'a> {
     hops: &'a [Hop],
@@ -115,7 +115,7 @@ struct WantedNumber<'a> {
 /// Unrolled, there are too many fields.
 struct TooLarge;
 
-/// What is known of the position while compiling: `position % modulus == rest`.
+/// Knowledge of the position while compiling: `position % modulus == rest`.
 #[derive(Clone, Copy)]
 struct Phase {
     modulus: usize,
@@ -300,7 +300,7 @@ impl PlanCompiler<'_> {
     }
 }
 
-/// What is wanted of one element of a list, or of a field that is none.
+/// Goals in one element of a list, or in a field that is none.
 fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedNumber<'a>> {
     let of = |w: &WantedNumber<'a>| {
         let (first, hops) = w.hops.split_first()?;
@@ -309,7 +309,7 @@ fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedN
     wanted.iter().filter_map(of).collect()
 }
 
-/// How many elements of a list must be there.
+/// Least number of elements that a list must have.
 fn least(wanted: &[WantedNumber<'_>]) -> u32 {
     let last = wanted.iter().filter_map(|w| w.hops.first()?.element).max();
     last.map_or(0, |last| last + 1)

@@ -57,7 +57,7 @@ impl Plan {
     }
 }
 
-/// How well a width of `wstring`s fits a payload.
+/// Fit of a width of `wstring`s to a payload.
 struct Fit {
     width: usize,
     /// Bytes left over.

@@ -8,7 +8,7 @@ use crate::imu::mapping::suggestion::Suggestion;
 use crate::imu::sample::Sensor;
 use crate::imu::schema::path::FieldPath;
 
-/// What a channel is used for.
+/// Role of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ChannelRole {
     /// Samples are taken from it.

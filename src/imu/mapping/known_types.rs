@@ -3,7 +3,7 @@
 use crate::imu::schema::layout::Layout;
 use crate::imu::schema::path::FieldPath;
 
-/// Where the vectors of a well-known type stand in a message.
+/// Places of the vectors of a well-known type in a message.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::imu) struct KnownType {
     /// The message of that type; the empty path if it is the whole message.
@@ -30,7 +30,7 @@ pub(in crate::imu) struct KnownVector {
     pub(in crate::imu) round: Option<FieldPath>,
 }
 
-/// What is known of a message: its own type, or else the IMUs inside it.
+/// Known types in a message: its own, or else the IMUs inside it.
 pub(in crate::imu) fn known(layout: &Layout) -> Vec<KnownType> {
     if let Some(known) = of_type(layout.name(), &FieldPath::default()) {
         return vec![known];
@@ -39,7 +39,7 @@ pub(in crate::imu) fn known(layout: &Layout) -> Vec<KnownType> {
     inside.filter_map(|(path, name)| of_type(name, &path)).filter(|known| known.imu).collect()
 }
 
-/// What is known of a type, named `package/Type`, that stands at `inside`.
+/// Known type by the name `package/Type`, where it stands at `inside`.
 ///
 /// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Their stamps count
 /// from the start of the system. Of `SensorCombined` it is that of the gyroscope; the accelerometer's is within a few

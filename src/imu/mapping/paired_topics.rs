@@ -20,7 +20,7 @@ pub(in crate::imu) struct PairedTopic {
     pub(in crate::imu) gyro: Option<Route>,
 }
 
-/// Which triad a topic is named after.
+/// Triad that a topic is named after.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::imu) enum Side {
     Accelerometer,

@@ -1,5 +1,4 @@
-//! Where the recording is made, by the positions in it: the first valid one counts. What follows from it is left to
-//! [`fit`](crate::fit).
+//! Position where the recording is made: the first valid one in it counts.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +28,7 @@ pub(in crate::imu) struct PositionSearch {
     found: Option<Position>,
 }
 
-/// Where the numbers of a position stand in the messages of a channel.
+/// Places of the numbers of a position in the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct PositionFields {
     decoder: Decoder,

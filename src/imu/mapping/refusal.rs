@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Why a message or a reading is refused.
+/// Reason why a message or a reading is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Cause {
     /// The payload is not what the schema says; it was cut off, for instance.
@@ -53,7 +53,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// How often something was refused.
+/// Number of refusals of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefusalCount {
     /// Where the messages came from.
@@ -92,7 +92,7 @@ pub struct Notice {
 pub(in crate::imu) struct Counts([u64; Cause::ALL.len()]);
 
 impl Counts {
-    /// How often the cause has been counted, this time included.
+    /// Count of the cause, this time included.
     pub(in crate::imu) fn count(&mut self, cause: Cause) -> u64 {
         let Some(count) = self.0.get_mut(cause as usize) else { return 0 };
         *count += 1;

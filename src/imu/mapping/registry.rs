@@ -1,5 +1,5 @@
-//! The IMUs that have been seen: one for each `frame_id` on a topic, with a name of its own, from the first reading of its
-//! accelerometer on. What is read is left to [`Route`].
+//! Registry of the IMUs that have been seen: one for each `frame_id` on a topic, with a name of its own, from the first
+//! reading of its accelerometer on.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

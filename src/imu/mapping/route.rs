@@ -1,4 +1,4 @@
-//! How the messages of one channel become readings of one IMU: compiled once, from the channel's layout and what is
+//! Route from the messages of one channel to readings of one IMU, compiled once from the channel's layout and what is
 //! asked of it.
 
 use std::borrow::Cow;
@@ -66,13 +66,13 @@ pub(in crate::imu) struct Tap {
     pub(in crate::imu) last: Option<ImuId>,
 }
 
-/// Which sensor on a topic a message is from: its `frame_id`, or the digits of its device.
+/// Sensor on a topic that a message is from: its `frame_id`, or the digits of its device.
 pub(in crate::imu) enum Frame<'d> {
     Text(Cow<'d, [u8]>),
     Digits { bytes: [u8; 20], len: usize },
 }
 
-/// Why a channel cannot serve a request.
+/// Reason why a channel cannot serve a request.
 #[derive(Debug, thiserror::Error)]
 pub(in crate::imu) enum RouteError {
     #[error(transparent)]
@@ -153,7 +153,7 @@ impl Route {
         Ok((self.clock.read(&self.numbers, log_time), frame))
     }
 
-    /// What a tap read from the last message, in m/s² or rad/s.
+    /// Reading of a tap from the last message, in m/s² or rad/s.
     pub(in crate::imu) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
         let numbers = self.numbers.get(tap.at..).unwrap_or_default();
         let Some(&[x, y, z]) = numbers.first_chunk() else { return Err(Cause::Malformed) };
@@ -213,7 +213,7 @@ impl Route {
 }
 
 impl Tap {
-    /// What it is to the IMU of this name.
+    /// Its use by the IMU of this name.
     pub(in crate::imu) fn used_by(&self, imu: String) -> VectorUse {
         VectorUse {
             imu,
@@ -246,7 +246,7 @@ impl Deref for Frame<'_> {
     }
 }
 
-/// Where the numbers of a request stand.
+/// Places of the numbers of a request.
 struct Axes<'a> {
     path: FieldPath,
     axes: [FieldPath; 3],

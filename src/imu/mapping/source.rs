@@ -39,7 +39,7 @@ impl Source {
         self.config.gyro = Some(VectorConfig { topic: Some(topic.to_owned()), ..VectorConfig::default() });
     }
 
-    /// What is known of its part of a message.
+    /// Known type of its part of a message.
     pub(in crate::imu) fn known<'a>(&self, known: &'a [KnownType]) -> Option<&'a KnownType> {
         match (&self.inside, known) {
             (Some(inside), several) => several.iter().find(|known| known.inside == *inside),
@@ -48,7 +48,7 @@ impl Source {
         }
     }
 
-    /// Which sensor a triad is, if the configuration says so.
+    /// Kind of sensor of a triad, if the configuration says so.
     pub(in crate::imu) fn preset(&self, sensor: Sensor) -> Option<Preset> {
         match sensor {
             Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
@@ -57,7 +57,7 @@ impl Source {
         }
     }
 
-    /// Which measurement model a triad has, if it is a secondary accelerometer.
+    /// Measurement model of a triad, if it is a secondary accelerometer.
     pub(in crate::imu) fn model(&self, sensor: Sensor) -> SecondaryModel {
         match sensor {
             Sensor::Secondary(i) => {
@@ -67,7 +67,7 @@ impl Source {
         }
     }
 
-    /// What its annotations are named after.
+    /// Name that its annotation topics begin with.
     pub(in crate::imu) fn name(&self) -> String {
         match &self.config.name {
             Some(name) if name.starts_with('/') => name.clone(),
@@ -103,12 +103,12 @@ impl Source {
         self.config.reference.is_some()
     }
 
-    /// How many secondary accelerometers it has.
+    /// Number of its secondary accelerometers.
     pub(in crate::imu) fn secondaries(&self) -> usize {
         self.config.secondary.len()
     }
 
-    /// What it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
+    /// Vectors that it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
     /// those of the others.
     pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a KnownType>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();

@@ -1,5 +1,5 @@
-//! What an unknown message might be mapped to: its vectors recognised by their names, and the configuration that says
-//! so, as lines and as a setting.
+//! Offered mapping of an unknown message: its vectors recognised by their names, and the configuration that says so, as
+//! lines and as a setting.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::known_types::known;
 use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
 use crate::imu::schema::layout::Layout;
 
-/// What a channel looks like by the names in it.
+/// Likeness of a channel by the names in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Suggestion {
     /// An IMU.
@@ -17,7 +17,7 @@ pub enum Suggestion {
 }
 
 impl Suggestion {
-    /// What the names on a channel of an unknown type tell.
+    /// Likeness told by the names on a channel of an unknown type.
     pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
         let candidates = candidates(layout);
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));

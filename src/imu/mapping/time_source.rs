@@ -1,4 +1,4 @@
-//! When a message was measured: where its stamp stands, and whether it is used.
+//! Source of a message's time: its stamp, where it stands, or its log time.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub(in crate::imu) struct TimeSource {
     choice: Option<Choice>,
 }
 
-/// What the first numbers of a message are.
+/// Unit of the stamp in the first numbers of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Unit {
     /// Seconds, then nanoseconds.
@@ -28,7 +28,7 @@ enum Choice {
     LogTime,
 }
 
-/// Where the stamp of a message stands, and its `frame_id`.
+/// Fields of a message that hold its stamp and its `frame_id`.
 pub(in crate::imu) struct StampFields {
     pub(in crate::imu) clock: TimeSource,
     pub(in crate::imu) numbers: Vec<Place>,

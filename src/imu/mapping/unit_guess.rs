@@ -1,5 +1,4 @@
-//! A look at the first readings of a triad: in which unit they seem to be, and whether two triads read the same. It
-//! guesses and says so; nothing is converted.
+//! Guess of the unit of a triad by its first readings, and of whether two triads read the same. Nothing is converted.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +10,7 @@ use crate::imu::sample::{Sample, Sensor};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FirstReadings(Vec<Sample>);
 
-/// What the readings of an accelerometer, or a gyroscope, seem to be.
+/// Unit that readings seem to be in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitGuess {
     /// As configured.
@@ -26,7 +25,7 @@ pub enum UnitGuess {
     Unknown,
 }
 
-/// How two accelerometers with the same stamps read.
+/// Relation of two accelerometers with the same stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Relation {
     /// The same, value for value.
@@ -57,7 +56,7 @@ impl FirstReadings {
         self.0.len() < MOST
     }
 
-    /// How large the readings are where they vary least.
+    /// Magnitude of the readings where they vary least.
     pub fn at_rest(&self) -> Option<f64> {
         let spread = |window: &&[Sample]| {
             let mean = mean(window);
@@ -68,7 +67,7 @@ impl FirstReadings {
         Some(mean(quietest).norm())
     }
 
-    /// What the readings, taken in m/s² or rad/s, seem to be.
+    /// Unit that the readings, taken in m/s² or rad/s, seem to be in.
     pub fn looks(&self, sensor: Sensor) -> UnitGuess {
         let Some(rest) = self.at_rest() else { return UnitGuess::Unknown };
         let is_near = |unit: f64| (0.85 * unit..1.15 * unit).contains(&rest);
@@ -98,7 +97,7 @@ impl FirstReadings {
         steps(1).zip(steps(2)).is_some_and(|(one, two)| one > 5.0 * two && one > 0.0)
     }
 
-    /// How this triad relates to another, if both have the same stamps and enough readings that differ.
+    /// Relation of this triad to another, if both have the same stamps and enough readings that differ.
     pub fn relation(&self, other: &Self) -> Option<Relation> {
         let pairs: Vec<_> = self.0.iter().filter_map(|a| other.at(a.stamp).map(|b| (a.value, b))).collect();
         let fewer = self.0.len().min(other.0.len());

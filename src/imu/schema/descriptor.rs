@@ -152,7 +152,7 @@ fn number_of(field: &FieldDescriptorProto) -> Option<(Number, Coding)> {
     number(Type::try_from(field.r#type?).ok()?)
 }
 
-/// How numbers of a type are written; none for what is not a number.
+/// Coding of the numbers of a type; none for what is not a number.
 fn number(kind: Type) -> Option<(Number, Coding)> {
     Some(match kind {
         Type::Double => (Number::F64, Coding::Fixed),

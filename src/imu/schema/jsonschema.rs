@@ -77,7 +77,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// What a local `$ref` points to. One that leads to another is not followed further: it might lead round.
+    /// Target of a local `$ref`. One that leads to another is not followed further: it might lead round.
     fn dereferenced(&self, schema: &'a Value) -> &'a Value {
         let pointer = schema.get("$ref").and_then(Value::as_str).and_then(|path| path.strip_prefix('#'));
         pointer.and_then(|path| self.root.pointer(path)).unwrap_or(schema)

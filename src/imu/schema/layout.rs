@@ -10,7 +10,7 @@ pub struct Layout {
     pub(in crate::imu) messages: Vec<Message>,
 }
 
-/// How messages become bytes.
+/// Serialisation of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::imu) enum Wire {
     Cdr,
@@ -27,7 +27,7 @@ pub(in crate::imu) struct Message {
     pub(in crate::imu) evolution: Evolution,
 }
 
-/// Whether later versions of a message may have more fields, in which case XCDR2 writes its size first.
+/// Extensibility of a message: where later versions may have more fields, XCDR2 writes its size first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::imu) enum Evolution {
     /// The schema does not say: as the encapsulation of the whole says.
@@ -42,7 +42,7 @@ pub(in crate::imu) struct Field {
     pub(in crate::imu) name: String,
     pub(in crate::imu) kind: Kind,
     pub(in crate::imu) count: Count,
-    /// How protobuf writes it; none elsewhere.
+    /// Its tag in protobuf; none elsewhere.
     pub(in crate::imu) tag: Option<Tag>,
 }
 
@@ -58,7 +58,7 @@ pub(in crate::imu) enum Kind {
     Unread(&'static str),
 }
 
-/// What a protobuf field is written with.
+/// Field number and coding of a protobuf field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::imu) struct Tag {
     pub(in crate::imu) number: u32,
@@ -67,7 +67,7 @@ pub(in crate::imu) struct Tag {
     pub(in crate::imu) absent: f64,
 }
 
-/// How protobuf writes a number.
+/// Protobuf coding of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(in crate::imu) enum Coding {
     Varint,
@@ -98,7 +98,7 @@ pub(in crate::imu) enum Count {
     Sequence,
 }
 
-/// Where a number or text stands in a layout.
+/// Place of a number or text in a layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
     pub(in crate::imu) path: FieldPath,
@@ -112,7 +112,7 @@ pub(in crate::imu) struct Hop {
     pub(in crate::imu) element: Option<u32>,
 }
 
-/// Why a channel's messages cannot be understood.
+/// Reason why a channel's messages cannot be understood.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SchemaError {
     /// An unknown message encoding or schema language.

@@ -3,7 +3,7 @@
 use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place, Wire};
 use super::path::{FieldPath, Segment};
 
-/// Why a path leads to nothing usable.
+/// Reason why a path leads to nothing usable.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PathError {
     /// There is no such field.
@@ -39,7 +39,7 @@ pub enum PathError {
 }
 
 impl Layout {
-    /// Where the three axes of a vector stand, if `path` leads to a message with `x`, `y`, `z` or to a list of three.
+    /// Places of the three axes of a vector, if `path` leads to a message with `x`, `y`, `z` or to a list of three.
     ///
     /// # Errors
     /// If it leads nowhere, or to something else.
@@ -61,7 +61,7 @@ impl Layout {
         }
     }
 
-    /// Where a number stands.
+    /// Place of a number.
     ///
     /// # Errors
     /// If `path` leads nowhere, or to something else.
@@ -69,7 +69,7 @@ impl Layout {
         self.find_number(path).ok_or_else(|| self.why_not(path, "a number"))
     }
 
-    /// Where a text stands.
+    /// Place of a text.
     ///
     /// # Errors
     /// If `path` leads nowhere, or to something else.
@@ -212,7 +212,7 @@ impl Layout {
     }
 }
 
-/// What a path leads to.
+/// Target of a path.
 struct PathTarget {
     hops: Vec<Hop>,
     kind: Kind,
@@ -222,7 +222,7 @@ struct PathTarget {
 /// Elements of a sequence that can be asked for; a message with fewer is refused.
 const MAX_ELEMENT: u32 = 64;
 
-/// How many paths are looked at for suggestions.
+/// Most paths that are looked at for suggestions.
 const MAX_PATHS: usize = 4096;
 
 /// The candidate that is spelt most like `wanted`, the first of several.

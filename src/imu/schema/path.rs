@@ -1,5 +1,4 @@
-//! Names of fields inside a message, `imu.accel[0]` for instance. Whether a message has them is left to
-//! [`Layout`](super::Layout).
+//! Paths to fields inside a message, `imu.accel[0]` for instance.
 
 use std::fmt;
 use std::str::FromStr;

@@ -64,7 +64,7 @@ struct Parser<'t, 'a> {
     definitions: IdlDefinitions,
 }
 
-/// What annotations say that matters for the bytes.
+/// Annotations that matter for the bytes.
 #[derive(Default)]
 struct Annotations {
     evolution: Evolution,
