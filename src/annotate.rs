@@ -119,6 +119,8 @@ fn topic_name(imu: &str, message: &Message) -> String {
     match message {
         Message::Stillness(_) => format!("{imu}/stillpoint/stillness"),
         Message::Segment(_) => format!("{imu}/stillpoint/segment"),
+        Message::Turn(_) => format!("{imu}/stillpoint/turn"),
+        Message::Noise(_) => format!("{imu}/stillpoint/noise"),
         Message::Coverage(_) => format!("{imu}/stillpoint/coverage"),
         Message::Calibration(_) => format!("{imu}/stillpoint/calibration"),
         Message::Log(_) => "/stillpoint/log".to_owned(),

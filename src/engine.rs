@@ -75,6 +75,10 @@ pub enum Message {
     Stillness(messages::Stillness),
     /// A rest ended, or the verdict on an earlier one changed.
     Segment(messages::Segment),
+    /// A turn between two rests ended, or the verdict on an earlier one changed.
+    Turn(messages::Turn),
+    /// Sums of the noise at rest.
+    Noise(messages::Noise),
     /// The faces seen, and the next step.
     Coverage(messages::Coverage),
     /// A refit was published.

@@ -86,6 +86,8 @@ fn encoded(message: &Message) -> Encoded {
     match message {
         Message::Stillness(message) => Encoded::of(message),
         Message::Segment(message) => Encoded::of(message),
+        Message::Turn(message) => Encoded::of(message),
+        Message::Noise(message) => Encoded::of(message),
         Message::Coverage(message) => Encoded::of(message),
         Message::Calibration(message) => Encoded::of(message.as_ref()),
         Message::Log(message) => Encoded::of(message),

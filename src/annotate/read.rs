@@ -10,7 +10,7 @@ use super::encoding::descriptor;
 use super::log;
 use super::ros2::Type;
 use crate::engine::Message;
-use crate::messages::{Calibration, Coverage, Segment, Stillness, foxglove};
+use crate::messages::{Calibration, Coverage, Noise, Segment, Stillness, Turn, foxglove};
 
 /// Why a message is not an annotation.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -44,11 +44,15 @@ pub fn read(schema: &str, encoding: &str, data: &[u8]) -> Result<Message, ReadEr
     let read = match (encoding, schema) {
         ("protobuf", "stillpoint.Stillness") => protobuf(data).map(Message::Stillness),
         ("protobuf", "stillpoint.Segment") => protobuf(data).map(Message::Segment),
+        ("protobuf", "stillpoint.Turn") => protobuf(data).map(Message::Turn),
+        ("protobuf", "stillpoint.Noise") => protobuf(data).map(Message::Noise),
         ("protobuf", "stillpoint.Coverage") => protobuf(data).map(Message::Coverage),
         ("protobuf", "stillpoint.Calibration") => protobuf(data).map(|read| Message::Calibration(Box::new(read))),
         ("protobuf", "foxglove.Log") => protobuf(data).map(Message::Log),
         ("cdr", "stillpoint_msgs/msg/Stillness") => cdr::<Stillness>(data).map(Message::Stillness),
         ("cdr", "stillpoint_msgs/msg/Segment") => cdr::<Segment>(data).map(Message::Segment),
+        ("cdr", "stillpoint_msgs/msg/Turn") => cdr::<Turn>(data).map(Message::Turn),
+        ("cdr", "stillpoint_msgs/msg/Noise") => cdr::<Noise>(data).map(Message::Noise),
         ("cdr", "stillpoint_msgs/msg/Coverage") => cdr::<Coverage>(data).map(Message::Coverage),
         ("cdr", "stillpoint_msgs/msg/Calibration") => {
             cdr::<Calibration>(data).map(|read| Message::Calibration(Box::new(read)))

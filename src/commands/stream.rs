@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use stillpoint::engine::Message;
-use stillpoint::messages::{Calibration, Segment, Stillness, foxglove::Log};
+use stillpoint::messages::{AllanSums, Calibration, Noise, Octaves, Segment, Stillness, Turn, foxglove::Log};
 use stillpoint::report::{coverage, triad};
 use stillpoint::run::News;
 
@@ -31,6 +31,8 @@ fn message(message: &Message) -> (&'static str, Value) {
     match message {
         Message::Stillness(said) => ("stillness", stillness(said)),
         Message::Segment(said) => ("segment", segment(said)),
+        Message::Turn(said) => ("turn", turn(said)),
+        Message::Noise(said) => ("noise", noise(said)),
         Message::Coverage(said) => ("coverage", coverage(said)),
         Message::Calibration(said) => ("calibration", calibration(said)),
         Message::Log(said) => ("log", log(said)),
@@ -52,7 +54,37 @@ fn segment(said: &Segment) -> Value {
         "reason": said.reason().as_str_name(),
         "explanation": said.explanation,
         "placement": said.placement,
+        "temperature": said.temperature,
     })
+}
+
+fn turn(said: &Turn) -> Value {
+    json!({
+        "start": nanos(&said.start),
+        "end": nanos(&said.end),
+        "angle": said.angle,
+        "residual": said.residual,
+        "used": said.used,
+        "reason": said.reason().as_str_name(),
+        "explanation": said.explanation,
+        "path": said.path,
+        "vertical": said.vertical,
+        "declared": said.declared,
+        "declared_residual": said.declared_residual,
+    })
+}
+
+fn noise(said: &Noise) -> Value {
+    let triad = |sums: &AllanSums| {
+        let seconds = |octaves: &Octaves| octaves.samples as f64 * sums.period;
+        json!({
+            "sensor": sums.sensor,
+            "period": sums.period,
+            "seconds": sums.all.as_ref().map(seconds),
+            "lasting_seconds": sums.lasting.as_ref().map(seconds),
+        })
+    };
+    said.triads.iter().map(triad).collect()
 }
 
 fn calibration(said: &Calibration) -> Value {

@@ -131,6 +131,10 @@ fn line(message: &Message) {
             info!("rest of {seconds:.1} s on {} accepted", rest.face);
         }
         Message::Coverage(coverage) => info!("next: {}", coverage.next_step),
-        Message::Segment(_) | Message::Stillness(_) | Message::Calibration(_) => {}
+        Message::Segment(_)
+        | Message::Turn(_)
+        | Message::Noise(_)
+        | Message::Stillness(_)
+        | Message::Calibration(_) => {}
     }
 }

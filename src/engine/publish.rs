@@ -97,8 +97,8 @@ pub(super) fn calibration(
         gravity_source: solution.gravity.source.name().to_owned(),
         segments: book.accepted() as u32,
         placements: solution.placements as u32,
-        from: used().map(|entry| entry.rest.start).min().map(Into::into),
-        until: used().map(|entry| entry.rest.end).max().map(Into::into),
+        begin: used().map(|entry| entry.rest.start).min().map(Into::into),
+        end: used().map(|entry| entry.rest.end).max().map(Into::into),
         temperature_min: None,
         temperature_max: None,
     }

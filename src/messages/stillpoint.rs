@@ -161,6 +161,7 @@ pub struct Segment {
     /// rests of one placement share a number: no motion lay between them
     #[prost(uint32, tag = "10")]
     pub placement: u32,
+    /// mean over the rest
     #[prost(double, optional, tag = "11")]
     pub temperature: ::core::option::Option<f64>,
 }
@@ -235,6 +236,209 @@ impl ::prost::Name for Segment {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/stillpoint.Segment".into()
+    }
+}
+/// The motion between two rests. Gravity before and after it and what the gyroscope read in between are two equations
+/// about the gyroscope. Published when its second rest ends, and again, with the same start, when a later fit changes the
+/// verdict: the last one counts.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Turn {
+    #[prost(message, optional, tag = "1")]
+    pub header: ::core::option::Option<Header>,
+    /// end of the rest before
+    #[prost(message, optional, tag = "2")]
+    pub start: ::core::option::Option<::prost_types::Timestamp>,
+    /// start of the rest after
+    #[prost(message, optional, tag = "3")]
+    pub end: ::core::option::Option<::prost_types::Timestamp>,
+    /// of the whole rotation, 0 to pi; by the calibration in force, as all below
+    #[prost(double, tag = "4")]
+    pub angle: f64,
+    /// angle between gravity as predicted and as read in the rest after
+    #[prost(double, optional, tag = "5")]
+    pub residual: ::core::option::Option<f64>,
+    #[prost(bool, tag = "6")]
+    pub used: bool,
+    #[prost(enumeration = "turn::Reason", tag = "7")]
+    pub reason: i32,
+    /// for people: what was seen and what to do
+    #[prost(string, tag = "8")]
+    pub explanation: ::prost::alloc::string::String,
+    /// of the whole rotation, unit length, in the sensor's frame before it
+    #[prost(message, optional, tag = "9")]
+    pub axis: ::core::option::Option<Vector3>,
+    /// angle turned through, back and forth counted alike
+    #[prost(double, tag = "10")]
+    pub path: f64,
+    /// Rotation about the vertical with its sign, whole turns counted. Nothing but a declaration says what it truly was.
+    #[prost(double, optional, tag = "11")]
+    pub vertical: ::core::option::Option<f64>,
+    /// what the rotation about the vertical was declared to be
+    #[prost(double, optional, tag = "12")]
+    pub declared: ::core::option::Option<f64>,
+    /// what remains of it
+    #[prost(double, optional, tag = "13")]
+    pub declared_residual: ::core::option::Option<f64>,
+    /// placements of the rests at its ends
+    #[prost(uint32, tag = "14")]
+    pub before: u32,
+    #[prost(uint32, tag = "15")]
+    pub after: u32,
+}
+/// Nested message and enum types in `Turn`.
+pub mod turn {
+    #[derive(
+        Clone,
+        Copy,
+        Debug,
+        PartialEq,
+        Eq,
+        Hash,
+        PartialOrd,
+        Ord,
+        ::prost::Enumeration
+    )]
+    #[repr(i32)]
+    pub enum Reason {
+        Used = 0,
+        /// too little of a turn to show anything
+        Small = 1,
+        /// samples are missing
+        Interrupted = 2,
+        /// a rate reached the end of the gyroscope's range
+        Clipped = 3,
+        /// the bias wanders over so long a time
+        Prolonged = 4,
+        /// a rest at one of its ends was not accepted
+        Unrest = 5,
+        /// stamps that say too little about when the samples were taken
+        Jittery = 6,
+        /// contradicts the other turns
+        Outlier = 7,
+        /// no calibration of the accelerometer says where gravity was
+        Unreferenced = 8,
+    }
+    impl Reason {
+        /// String value of the enum field names used in the ProtoBuf definition.
+        ///
+        /// The values are not transformed in any way and thus are considered stable
+        /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+        pub fn as_str_name(&self) -> &'static str {
+            match self {
+                Self::Used => "USED",
+                Self::Small => "SMALL",
+                Self::Interrupted => "INTERRUPTED",
+                Self::Clipped => "CLIPPED",
+                Self::Prolonged => "PROLONGED",
+                Self::Unrest => "UNREST",
+                Self::Jittery => "JITTERY",
+                Self::Outlier => "OUTLIER",
+                Self::Unreferenced => "UNREFERENCED",
+            }
+        }
+        /// Creates an enum from field names used in the ProtoBuf definition.
+        pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+            match value {
+                "USED" => Some(Self::Used),
+                "SMALL" => Some(Self::Small),
+                "INTERRUPTED" => Some(Self::Interrupted),
+                "CLIPPED" => Some(Self::Clipped),
+                "PROLONGED" => Some(Self::Prolonged),
+                "UNREST" => Some(Self::Unrest),
+                "JITTERY" => Some(Self::Jittery),
+                "OUTLIER" => Some(Self::Outlier),
+                "UNREFERENCED" => Some(Self::Unreferenced),
+                _ => None,
+            }
+        }
+    }
+}
+impl ::prost::Name for Turn {
+    const NAME: &'static str = "Turn";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.Turn".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.Turn".into()
+    }
+}
+/// Allan variance of one triad, summed over its rests: what noise densities are made of. Sums over rests and recordings of
+/// the same sensor at the same rate add up.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct AllanSums {
+    /// as in TriadMean
+    #[prost(string, tag = "1")]
+    pub sensor: ::prost::alloc::string::String,
+    /// s between samples
+    #[prost(double, tag = "2")]
+    pub period: f64,
+    /// of every rest
+    #[prost(message, optional, tag = "3")]
+    pub all: ::core::option::Option<Octaves>,
+    /// Of the long rests, without their first seconds, in which what was put down settles: a random walk shows in them alone.
+    #[prost(message, optional, tag = "4")]
+    pub lasting: ::core::option::Option<Octaves>,
+}
+impl ::prost::Name for AllanSums {
+    const NAME: &'static str = "AllanSums";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.AllanSums".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.AllanSums".into()
+    }
+}
+/// Element l belongs to tau = 4 * 2^l samples: neighbouring means over tau, every quarter of it, differ by d.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Octaves {
+    #[prost(uint64, tag = "1")]
+    pub samples: u64,
+    #[prost(uint32, tag = "2")]
+    pub rests: u32,
+    /// s, of the rests
+    #[prost(double, tag = "3")]
+    pub shortest: f64,
+    /// sums of d^2 by axis: x, y, z of the first octave, then of the second, and so on
+    #[prost(double, repeated, tag = "4")]
+    pub squares: ::prost::alloc::vec::Vec<f64>,
+    /// how many differences
+    #[prost(uint64, repeated, tag = "5")]
+    pub counts: ::prost::alloc::vec::Vec<u64>,
+    /// degrees of freedom of the sums if the noise is white
+    #[prost(double, repeated, tag = "6")]
+    pub white: ::prost::alloc::vec::Vec<f64>,
+    /// and if it is a random walk
+    #[prost(double, repeated, tag = "7")]
+    pub wandering: ::prost::alloc::vec::Vec<f64>,
+}
+impl ::prost::Name for Octaves {
+    const NAME: &'static str = "Octaves";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.Octaves".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.Octaves".into()
+    }
+}
+/// Allan sums of the whole recording so far. The last one counts.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Noise {
+    #[prost(message, optional, tag = "1")]
+    pub header: ::core::option::Option<Header>,
+    #[prost(message, repeated, tag = "2")]
+    pub triads: ::prost::alloc::vec::Vec<AllanSums>,
+}
+impl ::prost::Name for Noise {
+    const NAME: &'static str = "Noise";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.Noise".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.Noise".into()
     }
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -336,6 +540,25 @@ pub struct Triad {
     /// What placements scatter by beyond noise, as the rests were weighted with: one for all axes or one each.
     #[prost(double, repeated, tag = "20")]
     pub placement_std: ::prost::alloc::vec::Vec<f64>,
+    /// Of S: the sensitivity of each axis along the direction that it truly has, which does not depend on how the frame is
+    /// laid into the sensor.
+    #[prost(message, optional, tag = "21")]
+    pub row_norms: ::core::option::Option<Vector3>,
+    #[prost(message, optional, tag = "22")]
+    pub row_norms_std: ::core::option::Option<Vector3>,
+    /// By which angle each axis leans, rad: x towards y and z, y towards x and z, z towards x and y.
+    #[prost(double, repeated, tag = "23")]
+    pub misalignment: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "24")]
+    pub misalignment_std: ::prost::alloc::vec::Vec<f64>,
+    /// turns used
+    #[prost(uint32, tag = "25")]
+    pub turns: u32,
+    /// x, y, z
+    #[prost(message, repeated, tag = "26")]
+    pub noise: ::prost::alloc::vec::Vec<AxisNoise>,
+    #[prost(message, optional, tag = "27")]
+    pub temperature: ::core::option::Option<TemperatureModel>,
 }
 /// Nested message and enum types in `Triad`.
 pub mod triad {
@@ -363,6 +586,8 @@ pub mod triad {
         CrossAxis = 4,
         /// adds the sensitivity to the other sensor and to rotation
         Full = 5,
+        /// gyroscope: bias, full sensitivity and g-sensitivity, from the turns between rests
+        Turns = 6,
     }
     impl Model {
         /// String value of the enum field names used in the ProtoBuf definition.
@@ -377,6 +602,7 @@ pub mod triad {
                 Self::Triangular => "TRIANGULAR",
                 Self::CrossAxis => "CROSS_AXIS",
                 Self::Full => "FULL",
+                Self::Turns => "TURNS",
             }
         }
         /// Creates an enum from field names used in the ProtoBuf definition.
@@ -388,6 +614,7 @@ pub mod triad {
                 "TRIANGULAR" => Some(Self::Triangular),
                 "CROSS_AXIS" => Some(Self::CrossAxis),
                 "FULL" => Some(Self::Full),
+                "TURNS" => Some(Self::Turns),
                 _ => None,
             }
         }
@@ -445,6 +672,65 @@ impl ::prost::Name for Triad {
         "/stillpoint.Triad".into()
     }
 }
+/// Noise of one axis by the Allan variance of its rests, with 95 % intervals. Accelerometers: m/s^2/sqrt(Hz) and
+/// m/s^3/sqrt(Hz); gyroscopes: rad/s/sqrt(Hz) and rad/s^2/sqrt(Hz).
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct AxisNoise {
+    #[prost(double, tag = "1")]
+    pub density: f64,
+    #[prost(double, tag = "2")]
+    pub density_low: f64,
+    #[prost(double, tag = "3")]
+    pub density_high: f64,
+    /// of the bias; absent unless the rests are long enough to show one, and do
+    #[prost(double, optional, tag = "4")]
+    pub random_walk: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "5")]
+    pub random_walk_low: ::core::option::Option<f64>,
+    /// without a claim an upper bound
+    #[prost(double, optional, tag = "6")]
+    pub random_walk_high: ::core::option::Option<f64>,
+}
+impl ::prost::Name for AxisNoise {
+    const NAME: &'static str = "AxisNoise";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.AxisNoise".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.AxisNoise".into()
+    }
+}
+/// How the bias depends on the temperature T:
+/// bias(T) = bias + sum over k = 1 .. order of coefficients\[k\] * (min(max(T, minimum), maximum) - reference)^k
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct TemperatureModel {
+    #[prost(uint32, tag = "1")]
+    pub order: u32,
+    /// where the bias is that of the triad
+    #[prost(double, tag = "2")]
+    pub reference: f64,
+    /// of the temperatures seen
+    #[prost(double, tag = "3")]
+    pub minimum: f64,
+    #[prost(double, tag = "4")]
+    pub maximum: f64,
+    /// by degree: x, y, z of the first, then of the second, and so on
+    #[prost(double, repeated, tag = "5")]
+    pub coefficients: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "6")]
+    pub coefficients_std: ::prost::alloc::vec::Vec<f64>,
+}
+impl ::prost::Name for TemperatureModel {
+    const NAME: &'static str = "TemperatureModel";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.TemperatureModel".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.TemperatureModel".into()
+    }
+}
 /// A published refit.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Calibration {
@@ -469,9 +755,9 @@ pub struct Calibration {
     pub placements: u32,
     /// span of the rests used
     #[prost(message, optional, tag = "10")]
-    pub from: ::core::option::Option<::prost_types::Timestamp>,
+    pub begin: ::core::option::Option<::prost_types::Timestamp>,
     #[prost(message, optional, tag = "11")]
-    pub until: ::core::option::Option<::prost_types::Timestamp>,
+    pub end: ::core::option::Option<::prost_types::Timestamp>,
     #[prost(double, optional, tag = "12")]
     pub temperature_min: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "13")]

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::engine::{Event, Message};
 use crate::messages::triad::Status;
-use crate::messages::{Calibration, Coverage, Segment};
+use crate::messages::{Calibration, Coverage, Noise, Segment, Turn};
 
 /// What is known of one IMU.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,6 +19,10 @@ pub struct Findings {
     pub source_type: String,
     /// The rests by start, in nanoseconds; each with the last verdict.
     pub rests: BTreeMap<i64, Segment>,
+    /// The turns between them by start, in nanoseconds; each with the last verdict.
+    pub turns: BTreeMap<i64, Turn>,
+    /// Sums of the noise at rest.
+    pub noise: Option<Noise>,
     /// The faces seen, and the next step.
     pub coverage: Option<Coverage>,
     /// The calibration, if one was published.
@@ -37,6 +41,10 @@ impl Findings {
             Message::Segment(segment) => {
                 self.rests.insert(super::nanos(&segment.start), segment.clone());
             }
+            Message::Turn(turn) => {
+                self.turns.insert(super::nanos(&turn.start), turn.clone());
+            }
+            Message::Noise(noise) => self.noise = Some(noise.clone()),
             Message::Coverage(coverage) => self.coverage = Some(coverage.clone()),
             Message::Calibration(calibration) => self.calibration = Some((**calibration).clone()),
             Message::Stillness(_) | Message::Log(_) => {}

@@ -11,12 +11,13 @@ pub fn model(model: Model) -> Option<&'static str> {
         Model::Triangular => "triangular",
         Model::CrossAxis => "cross-axis",
         Model::Full => "full",
+        Model::Turns => "turns",
     })
 }
 
 /// The model of that name.
 pub(super) fn model_named(name: &str) -> Option<Model> {
-    let all = [Model::Bias, Model::BiasScale, Model::Triangular, Model::CrossAxis, Model::Full];
+    let all = [Model::Bias, Model::BiasScale, Model::Triangular, Model::CrossAxis, Model::Full, Model::Turns];
     all.into_iter().find(|&candidate| model(candidate) == Some(name))
 }
 

@@ -6,13 +6,16 @@ use proptest::prelude::*;
 use prost_types::Timestamp;
 use stillpoint::engine::Message;
 use stillpoint::messages::{
-    Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3, foxglove,
+    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
+    Triad, TriadMean, Turn, Vector3, foxglove,
 };
 
 pub fn message() -> impl Strategy<Value = Message> {
     prop_oneof![
         stillness().prop_map(Message::Stillness),
         segment().prop_map(Message::Segment),
+        turn().prop_map(Message::Turn),
+        noise().prop_map(Message::Noise),
         coverage().prop_map(Message::Coverage),
         calibration().prop_map(|message| Message::Calibration(Box::new(message))),
         log().prop_map(Message::Log),
@@ -47,6 +50,45 @@ prop_compose! {
 }
 
 prop_compose! {
+    fn turn()(
+        (header, start, end) in (of(header()), of(time()), of(time())),
+        (angle, path, used, reason) in (any::<f64>(), any::<f64>(), any::<bool>(), 0..9),
+        (explanation, axis) in (text(), of(vector())),
+        (residual, vertical, declared, declared_residual) in any::<(Option<f64>, Option<f64>, Option<f64>, Option<f64>)>(),
+        (before, after) in any::<(u32, u32)>(),
+    ) -> Turn {
+        Turn {
+            header, start, end, angle, residual, used, reason, explanation, axis, path, vertical, declared,
+            declared_residual, before, after,
+        }
+    }
+}
+
+prop_compose! {
+    fn noise()(header in of(header()), triads in vec(allan_sums(), 0..3)) -> Noise {
+        Noise { header, triads }
+    }
+}
+
+prop_compose! {
+    fn allan_sums()(
+        (sensor, period) in (text(), any::<f64>()), (all, lasting) in (of(octaves()), of(octaves())),
+    ) -> AllanSums {
+        AllanSums { sensor, period, all, lasting }
+    }
+}
+
+prop_compose! {
+    fn octaves()(
+        (samples, rests, shortest) in any::<(u64, u32, f64)>(),
+        (squares, counts) in (numbers(), vec(any::<u64>(), 0..4)),
+        (white, wandering) in (numbers(), numbers()),
+    ) -> Octaves {
+        Octaves { samples, rests, shortest, squares, counts, white, wandering }
+    }
+}
+
+prop_compose! {
     fn coverage()(
         header in of(header()), faces in vec(face(), 0..4), complete: bool, next_step in text(),
     ) -> Coverage {
@@ -62,15 +104,15 @@ prop_compose! {
 
 prop_compose! {
     fn calibration()(
-        (header, from, until) in (of(header()), of(time()), of(time())),
+        (header, begin, end) in (of(header()), of(time()), of(time())),
         (accelerometer, gyroscope, secondary) in (of(triad()), of(triad()), vec(triad(), 0..3)),
         (revision, segments, placements) in any::<(u32, u32, u32)>(),
         (gravity, gravity_source) in (any::<f64>(), text()),
         (temperature_min, temperature_max) in any::<(Option<f64>, Option<f64>)>(),
     ) -> Calibration {
         Calibration {
-            header, revision, accelerometer, gyroscope, secondary, gravity, gravity_source, segments, placements, from,
-            until, temperature_min, temperature_max,
+            header, revision, accelerometer, gyroscope, secondary, gravity, gravity_source, segments, placements, begin,
+            end, temperature_min, temperature_max,
         }
     }
 }
@@ -78,18 +120,39 @@ prop_compose! {
 prop_compose! {
     fn triad()(
         (sensor, topic, notes) in (text(), text(), vec(text(), 0..3)),
-        (model, status) in (0..6, 0..3),
+        (model, status) in (0..7, 0..3),
         (bias, scale, bias_std, scale_std) in (of(vector()), of(vector()), of(vector()), of(vector())),
         (sensitivity, sensitivity_std, covariance, placement_std) in (numbers(), numbers(), numbers(), numbers()),
         (g_sensitivity, g2_sensitivity, rate_sensitivity) in (numbers(), numbers(), numbers()),
         (residual_rms, chi2_per_dof) in any::<(Option<f64>, Option<f64>)>(),
         (worst_case_error, condition) in any::<(Option<f64>, Option<f64>)>(),
+        (row_norms, row_norms_std) in (of(vector()), of(vector())),
+        (misalignment, misalignment_std, turns) in (numbers(), numbers(), any::<u32>()),
+        (noise, temperature) in (vec(axis_noise(), 0..3), of(temperature_model())),
     ) -> Triad {
         Triad {
             sensor, topic, model, status, bias, scale, sensitivity, bias_std, scale_std, sensitivity_std, g_sensitivity,
             g2_sensitivity, rate_sensitivity, residual_rms, chi2_per_dof, worst_case_error, condition, covariance,
-            placement_std, notes,
+            placement_std, notes, row_norms, row_norms_std, misalignment, misalignment_std, turns, noise, temperature,
         }
+    }
+}
+
+prop_compose! {
+    fn axis_noise()(
+        (density, density_low, density_high) in any::<(f64, f64, f64)>(),
+        (random_walk, random_walk_low, random_walk_high) in any::<(Option<f64>, Option<f64>, Option<f64>)>(),
+    ) -> AxisNoise {
+        AxisNoise { density, density_low, density_high, random_walk, random_walk_low, random_walk_high }
+    }
+}
+
+prop_compose! {
+    fn temperature_model()(
+        (order, reference, minimum, maximum) in any::<(u32, f64, f64, f64)>(),
+        (coefficients, coefficients_std) in (numbers(), numbers()),
+    ) -> TemperatureModel {
+        TemperatureModel { order, reference, minimum, maximum, coefficients, coefficients_std }
     }
 }
 

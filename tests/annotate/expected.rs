@@ -3,7 +3,8 @@
 use prost_types::Timestamp;
 use stillpoint::engine::Message;
 use stillpoint::messages::{
-    Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3, foxglove,
+    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
+    Triad, TriadMean, Turn, Vector3, foxglove,
 };
 
 use super::reader::Value;
@@ -12,6 +13,8 @@ pub fn expected(message: &Message) -> Value {
     match message {
         Message::Stillness(message) => stillness(message),
         Message::Segment(message) => segment(message),
+        Message::Turn(message) => turn(message),
+        Message::Noise(message) => noise(message),
         Message::Coverage(message) => coverage(message),
         Message::Calibration(message) => calibration(message),
         Message::Log(message) => log(message),
@@ -55,6 +58,54 @@ fn triad_mean(m: &TriadMean) -> Value {
     ])
 }
 
+fn turn(m: &Turn) -> Value {
+    record([
+        ("header", header(&m.header)),
+        ("start", time(m.start)),
+        ("end", time(m.end)),
+        ("angle", Value::Float(m.angle)),
+        ("residual", number(m.residual)),
+        ("used", Value::Bool(m.used)),
+        ("reason", integer(m.reason)),
+        ("explanation", text(&m.explanation)),
+        ("axis", vector(m.axis)),
+        ("path", Value::Float(m.path)),
+        ("vertical", number(m.vertical)),
+        ("declared", number(m.declared)),
+        ("declared_residual", number(m.declared_residual)),
+        ("before", integer(m.before)),
+        ("after", integer(m.after)),
+    ])
+}
+
+fn noise(m: &Noise) -> Value {
+    record([("header", header(&m.header)), ("triads", sequence(&m.triads, allan_sums))])
+}
+
+fn allan_sums(m: &AllanSums) -> Value {
+    let octaves_or_absent = |sums: &Option<Octaves>| octaves(sums.as_ref());
+    record([
+        ("sensor", text(&m.sensor)),
+        ("period", Value::Float(m.period)),
+        ("all", octaves_or_absent(&m.all)),
+        ("lasting", octaves_or_absent(&m.lasting)),
+    ])
+}
+
+fn octaves(m: Option<&Octaves>) -> Value {
+    let absent = Octaves { shortest: f64::NAN, ..Octaves::default() };
+    let m = m.unwrap_or(&absent);
+    record([
+        ("samples", integer(m.samples)),
+        ("rests", integer(m.rests)),
+        ("shortest", Value::Float(m.shortest)),
+        ("squares", numbers(&m.squares)),
+        ("counts", sequence(&m.counts, |count| integer(*count))),
+        ("white", numbers(&m.white)),
+        ("wandering", numbers(&m.wandering)),
+    ])
+}
+
 fn coverage(m: &Coverage) -> Value {
     record([
         ("header", header(&m.header)),
@@ -85,8 +136,8 @@ fn calibration(m: &Calibration) -> Value {
         ("gravity_source", text(&m.gravity_source)),
         ("segments", integer(m.segments)),
         ("placements", integer(m.placements)),
-        ("from", time(m.from)),
-        ("until", time(m.until)),
+        ("begin", time(m.begin)),
+        ("end", time(m.end)),
         ("temperature_min", number(m.temperature_min)),
         ("temperature_max", number(m.temperature_max)),
     ])
@@ -114,6 +165,38 @@ fn triad(m: &Triad) -> Value {
         ("covariance", numbers(&m.covariance)),
         ("notes", sequence(&m.notes, |note| text(note))),
         ("placement_std", numbers(&m.placement_std)),
+        ("row_norms", vector(m.row_norms)),
+        ("row_norms_std", vector(m.row_norms_std)),
+        ("misalignment", numbers(&m.misalignment)),
+        ("misalignment_std", numbers(&m.misalignment_std)),
+        ("turns", integer(m.turns)),
+        ("noise", sequence(&m.noise, axis_noise)),
+        ("temperature", temperature_model(m.temperature.as_ref())),
+    ])
+}
+
+fn axis_noise(m: &AxisNoise) -> Value {
+    record([
+        ("density", Value::Float(m.density)),
+        ("density_low", Value::Float(m.density_low)),
+        ("density_high", Value::Float(m.density_high)),
+        ("random_walk", number(m.random_walk)),
+        ("random_walk_low", number(m.random_walk_low)),
+        ("random_walk_high", number(m.random_walk_high)),
+    ])
+}
+
+fn temperature_model(m: Option<&TemperatureModel>) -> Value {
+    let nan = f64::NAN;
+    let absent = TemperatureModel { reference: nan, minimum: nan, maximum: nan, ..TemperatureModel::default() };
+    let m = m.unwrap_or(&absent);
+    record([
+        ("order", integer(m.order)),
+        ("reference", Value::Float(m.reference)),
+        ("minimum", Value::Float(m.minimum)),
+        ("maximum", Value::Float(m.maximum)),
+        ("coefficients", numbers(&m.coefficients)),
+        ("coefficients_std", numbers(&m.coefficients_std)),
     ])
 }
 

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use prost::Message as _;
 use stillpoint::annotate::{Annotator, Encoding, read};
 use stillpoint::engine::{Event, Message};
-use stillpoint::messages::{Calibration, Coverage, Segment, Stillness, Triad, Vector3, foxglove};
+use stillpoint::messages::{Calibration, Coverage, Noise, Segment, Stillness, Triad, Turn, Vector3, foxglove};
 use stillpoint::record::{Annotation, Block, Topic};
 
 use crate::reader::{Schema, Value};
@@ -39,10 +39,12 @@ fn alone(encoding: Encoding, message: Message) -> (Topic, Annotation) {
     (topics[0].clone(), blocks.remove(0).annotations.remove(0))
 }
 
-fn one_of_each() -> [Message; 5] {
+fn one_of_each() -> [Message; 7] {
     [
         Message::Stillness(Stillness::default()),
         Message::Segment(Segment::default()),
+        Message::Turn(Turn::default()),
+        Message::Noise(Noise::default()),
         Message::Coverage(Coverage::default()),
         Message::Calibration(Box::default()),
         Message::Log(foxglove::Log::default()),
@@ -149,7 +151,7 @@ fn enumerations_become_constants_of_their_message() {
     let constants = |pairs: &[(&str, i128)]| -> BTreeMap<String, i128> {
         pairs.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect()
     };
-    let [stillness, segment, coverage, _, log] = one_of_each().map(ros2_schema);
+    let [stillness, segment, _, _, coverage, _, log] = one_of_each().map(ros2_schema);
     assert_eq!(*stillness.constants(), constants(&[("UNKNOWN", 0), ("MOVING", 1), ("STILL", 2)]));
     assert_eq!(segment.constants().len(), 8);
     assert_eq!(segment.constants()["SENSOR_FAULT"], 6);
@@ -193,6 +195,8 @@ fn every_topic_has_the_name_and_types_of_the_contract() {
         [
             pair("/imu/data/stillpoint/stillness", "stillpoint_msgs/msg/Stillness"),
             pair("/imu/data/stillpoint/segment", "stillpoint_msgs/msg/Segment"),
+            pair("/imu/data/stillpoint/turn", "stillpoint_msgs/msg/Turn"),
+            pair("/imu/data/stillpoint/noise", "stillpoint_msgs/msg/Noise"),
             pair("/imu/data/stillpoint/coverage", "stillpoint_msgs/msg/Coverage"),
             pair("/imu/data/stillpoint/calibration", "stillpoint_msgs/msg/Calibration"),
             pair("/stillpoint/log", "rcl_interfaces/msg/Log"),
@@ -233,7 +237,7 @@ fn the_end_of_an_input_chunk_closes_a_block_that_holds_a_segment_or_calibration(
         let events = messages.map(|message| ("/imu", at(0, message)));
         annotate(Encoding::Protobuf, &events, true).1.iter().map(|block| block.annotations.len()).collect()
     };
-    let [stillness, segment, coverage, calibration, log] = one_of_each();
+    let [stillness, segment, _, _, coverage, calibration, log] = one_of_each();
     assert_eq!(lengths([stillness.clone(), coverage, log]), [3]);
     assert_eq!(lengths([stillness.clone(), segment, stillness.clone()]), [2, 1]);
     assert_eq!(lengths([calibration, stillness.clone(), stillness]), [1, 2]);

@@ -4,8 +4,8 @@ use prost_types::Timestamp;
 use stillpoint::Stamp;
 use stillpoint::engine::{Event, Message};
 use stillpoint::messages::{
-    Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3, foxglove, segment, stillness,
-    triad,
+    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
+    Triad, TriadMean, Turn, Vector3, foxglove, segment, stillness, triad, turn,
 };
 
 const START: i64 = 1_700_000_000_000_000_000;
@@ -20,7 +20,9 @@ pub fn events() -> Vec<(&'static str, Event)> {
         ("/imu/data", Message::Segment(accepted(3))),
         ("/imu/data", Message::Coverage(coverage(3))),
         ("/imu/data", Message::Calibration(Box::new(gyroscope_alone(3)))),
+        ("/imu/data", Message::Turn(turn(8))),
         ("/imu/data", Message::Calibration(Box::new(everything(9)))),
+        ("/imu/data", Message::Noise(noise(9))),
         ("/imu/data", Message::Log(log(9, foxglove::log::Level::Warning))),
     ];
     let second = |index: usize| START as u64 + index as u64 * 1_000_000_000;
@@ -89,6 +91,38 @@ fn accepted(second: i64) -> Segment {
     }
 }
 
+fn turn(second: i64) -> Turn {
+    Turn {
+        header: header(second),
+        start: stamp(3),
+        end: stamp(second),
+        angle: 1.5,
+        residual: Some(0.002),
+        reason: turn::Reason::Clipped.into(),
+        explanation: "read 250 °/s at the end of its range".to_owned(),
+        axis: vector(0.6, 0.8, 0.0),
+        path: 1.75,
+        declared: None,
+        before: 4,
+        after: 5,
+        ..Turn::default()
+    }
+}
+
+fn noise(second: i64) -> Noise {
+    let all = Octaves {
+        samples: 1000,
+        rests: 3,
+        shortest: 2.5,
+        squares: vec![1e-4, 2e-4, 3e-4, 1e-5, 2e-5, 3e-5],
+        counts: vec![900, 400],
+        white: vec![80.5, 40.25],
+        wandering: vec![70.0, 30.0],
+    };
+    let accelerometer = AllanSums { sensor: "accelerometer".to_owned(), period: 0.01, all: Some(all), lasting: None };
+    Noise { header: header(second), triads: vec![accelerometer, AllanSums::default()] }
+}
+
 fn coverage(second: i64) -> Coverage {
     let up = Face { name: "+X".to_owned(), normal: vector(1.0, 0.0, 0.0), placements: 1, seconds: 1.5 };
     let faces = vec![up, Face { name: "-X".to_owned(), ..Face::default() }];
@@ -130,6 +164,23 @@ fn everything(second: i64) -> Calibration {
         covariance: vec![2.5e-5; 36],
         placement_std: vec![0.01],
         notes: vec!["bias.x rests on its bound".to_owned(), String::new()],
+        row_norms: vector(0.997, 1.002, 1.023),
+        row_norms_std: vector(5e-4, 5e-4, 5e-4),
+        misalignment: vec![0.01; 6],
+        misalignment_std: vec![1e-3; 6],
+        turns: 12,
+        noise: vec![
+            AxisNoise { density: 1e-3, density_low: 9e-4, density_high: 1.1e-3, ..AxisNoise::default() },
+            AxisNoise { random_walk: Some(1e-5), random_walk_low: Some(5e-6), ..AxisNoise::default() },
+        ],
+        temperature: Some(TemperatureModel {
+            order: 1,
+            reference: 25.0,
+            minimum: 15.0,
+            maximum: 40.0,
+            coefficients: vec![1e-3, -1e-3, 0.0],
+            coefficients_std: vec![1e-5; 3],
+        }),
     };
     let secondary = vec![Triad { sensor: "highg".to_owned(), ..accelerometer.clone() }, Triad::default()];
     Calibration {
@@ -142,8 +193,8 @@ fn everything(second: i64) -> Calibration {
         gravity_source: "standard".to_owned(),
         segments: 13,
         placements: 9,
-        from: stamp(0),
-        until: stamp(second),
+        begin: stamp(0),
+        end: stamp(second),
         temperature_min: Some(21.5),
         temperature_max: None,
     }

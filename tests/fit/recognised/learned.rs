@@ -36,6 +36,7 @@ impl Learned {
         for event in events {
             match event.message {
                 Message::Segment(segment) => learned.hear(segment.explanation),
+                Message::Turn(turn) => learned.hear(turn.explanation),
                 Message::Coverage(coverage) => learned.hear(coverage.next_step),
                 Message::Log(log) => learned.hear(log.message),
                 Message::Calibration(calibration) => {
@@ -43,7 +44,7 @@ impl Learned {
                     triads.flat_map(|triad| triad.notes.clone()).for_each(|note| learned.hear(note));
                     learned.calibrations.push(*calibration);
                 }
-                Message::Stillness(_) => {}
+                Message::Noise(_) | Message::Stillness(_) => {}
             }
         }
         learned
