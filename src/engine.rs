@@ -26,102 +26,45 @@
 //! assert_eq!(segment.map(|segment| segment.face.as_str()), Some("+Z"));
 //! ```
 
-mod attempt;
-mod book;
+mod change_gate;
+mod config;
 mod drift;
-mod judge;
-mod observe;
-mod outlier;
+mod event;
+mod fault;
+mod fault_detection;
+mod guidance;
+mod model_trial;
+mod observations;
+mod outliers;
 mod preset;
-mod publish;
-mod publisher;
+mod publication;
 mod reference;
+mod refusal;
+mod rest_history;
+mod rest_judge;
+mod solution;
 mod solve;
-mod suspicion;
 mod turn;
-mod words;
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use self::book::Book;
-use self::judge::Judge;
-use self::publisher::Publisher;
+use self::change_gate::ChangeGate;
+pub use self::config::{Config, Secondary};
+pub use self::event::{Event, Message};
+use self::fault::{Fault, FaultKind};
 use self::reference::Reference;
-use self::solve::{Known, Solution};
-use self::suspicion::{Cause, Suspicion};
+use self::rest_history::RestHistory;
+use self::rest_judge::Judge;
+use self::solution::{Givens, Solution};
 use self::turn::Turns;
 use crate::Stamp;
-use crate::fit::{self, Fixture, Place};
-use crate::imu::{Preset, Sample, SecondaryModel, Sensor};
+use crate::fit::{Fixture, Place};
+use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
-use crate::still::{self, Outcome, Segmenter, State, Status};
-
-/// Something that was learned, and when it was known.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Event {
-    /// Log time of the sample that caused it.
-    pub log_time: u64,
-    /// What was learned.
-    pub message: Message,
-}
-
-/// What an [`Event`] says.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Message {
-    /// The state of rest changed, or a second has passed.
-    Stillness(messages::Stillness),
-    /// A rest ended, or the verdict on an earlier one changed.
-    Segment(messages::Segment),
-    /// A turn between two rests ended, or the verdict on an earlier one changed.
-    Turn(messages::Turn),
-    /// Sums of the noise at rest.
-    Noise(messages::Noise),
-    /// The faces seen, and the next step.
-    Coverage(messages::Coverage),
-    /// A refit was published.
-    Calibration(Box<messages::Calibration>),
-    /// A warning or decision for people.
-    Log(messages::foxglove::Log),
-}
-
-/// What an engine is to know of its IMU.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Config {
-    /// What the IMU is called in log messages, its output name for instance.
-    pub name: String,
-    /// Frame of the messages.
-    pub frame_id: String,
-    /// Topic of the accelerometer.
-    pub accelerometer: String,
-    /// Topic of the gyroscope.
-    pub gyroscope: String,
-    /// The secondary accelerometers.
-    pub secondary: Vec<Secondary>,
-    /// Which sensor it is, if that is known; [`Config::of`] sets it with what its datasheet says.
-    pub preset: Option<Preset>,
-    /// Whether a reference tells what there was to read.
-    pub reference: bool,
-    /// How rests are found.
-    pub still: still::Config,
-    /// How a calibration is fitted.
-    pub fit: fit::Config,
-}
-
-/// A further accelerometer that moves with the IMU.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Secondary {
-    /// What it is called in the annotations.
-    pub name: String,
-    /// Its topic.
-    pub topic: String,
-    /// Which sensor it is, if that is known.
-    pub preset: Option<Preset>,
-    /// Which measurement model.
-    pub model: SecondaryModel,
-}
+use crate::still::{Outcome, Segmenter, State, Status};
 
 /// Learns the calibration of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -130,11 +73,11 @@ pub struct Engine {
     fixture: Fixture,
     reference: Option<Reference>,
     segmenter: Segmenter,
-    book: Book,
-    publisher: Publisher,
+    history: RestHistory,
+    gate: ChangeGate,
     turns: Turns,
-    /// What has been said to be suspicious.
-    suspected: BTreeSet<(Sensor, Cause)>,
+    /// Faults already reported.
+    reported: BTreeSet<(Sensor, FaultKind)>,
     last_stillness: Option<Stamp>,
     last: Option<(Stamp, u64)>,
     /// Where the recording says that it is made.
@@ -151,10 +94,10 @@ impl Engine {
             fixture: Fixture::new(&config.fit.fixture),
             reference: config.reference.then(|| Reference::new(config.still.gap_s)),
             segmenter: Segmenter::new(&config.still, config.secondary.len()),
-            book: Book::default(),
-            publisher: Publisher::default(),
+            history: RestHistory::default(),
+            gate: ChangeGate::default(),
             turns: Turns::default(),
-            suspected: BTreeSet::new(),
+            reported: BTreeSet::new(),
             last_stillness: None,
             last: None,
             fix: None,
@@ -199,11 +142,11 @@ impl Engine {
         self.segmenter.cut(sensor);
         self.learn(stamp, log_time, false, events);
         self.segmenter.forget(sensor);
-        self.book.forget(sensor);
+        self.history.forget(sensor);
         if let Some(reference) = &mut self.reference {
             reference.forget(sensor);
         }
-        let text = words::new_round(&self.config, sensor);
+        let text = guidance::new_round(&self.config, sensor);
         events.push(self.log(stamp, log_time, Level::Warning, text));
         let solution = self.solve();
         self.publish(&solution, stamp, log_time, false, events);
@@ -230,7 +173,7 @@ impl Engine {
         let Some((stamp, log_time)) = self.last else { return };
         self.segmenter.finish();
         self.learn(stamp, log_time, true, events);
-        for (level, text) in words::closing(&self.segmenter, self.book.found(), &self.config.still) {
+        for (level, text) in guidance::closing(&self.segmenter, self.history.found(), &self.config.still) {
             events.push(self.log(stamp, log_time, level, text));
         }
     }
@@ -239,10 +182,10 @@ impl Engine {
     fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         while let Some(rest) = self.segmenter.next_rest() {
             self.turns.rest(&rest);
-            self.book.add(rest);
+            self.history.add(rest);
             let solution = self.solve();
             self.publish(&solution, stamp, log_time, false, events);
-            self.book.shrink();
+            self.history.shrink();
         }
         if at_end {
             // The noise floor may have settled since the last rest.
@@ -253,50 +196,50 @@ impl Engine {
 
     /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
-        let Self { config, fixture, segmenter, book, publisher, turns, fix, reference, .. } = self;
+        let Self { config, fixture, segmenter, history, gate, turns, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         // The stream tells its step; of one that never rests on neighbouring values the datasheet does.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        let known = Known { gravity, step, kept: publisher.shape(), reference: reference.as_ref() };
-        let mut solution = solve::solve(book.entries_mut(), &judge, config, &known);
-        solution.suspicions = suspicion::examine(segmenter, book.entries(), turns, config.preset, &solution);
-        suspicion::veto(&mut solution);
+        let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref() };
+        let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
+        solution.faults = fault_detection::detect(segmenter, history.entries(), turns, config.preset, &solution);
+        fault_detection::veto(&mut solution);
         solution
     }
 
     /// Says what has changed: segments, then coverage, then calibration.
     fn publish(&mut self, solution: &Solution, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
-        let header = publish::header(stamp, &self.config.frame_id);
+        let header = publication::header(stamp, &self.config.frame_id);
         let event = |message| Event { log_time, message };
         let mut rejected = Vec::new();
-        for entry in self.book.entries_mut() {
+        for entry in self.history.entries_mut() {
             if entry.told.as_ref().is_some_and(|told| !entry.verdict.differs_from(told)) {
                 continue;
             }
             entry.told = Some(entry.verdict.clone());
-            let segment = publish::segment(header.clone(), entry, &self.config, &self.fixture);
+            let segment = publication::segment(header.clone(), entry, &self.config, &self.fixture);
             if !segment.accepted {
-                rejected.push(words::rejection(&segment));
+                rejected.push(guidance::rejection(&segment));
             }
             events.push(event(Message::Segment(segment)));
         }
-        let never_still = words::never_still(&self.segmenter, self.book.found(), &self.config.still);
-        let obstacle = never_still.or_else(|| words::obstacle(solution, self.book.entries()));
-        let coverage = publish::coverage(header.clone(), &self.book, &self.fixture, solution, obstacle);
-        if let Some(coverage) = self.publisher.coverage(coverage) {
+        let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
+        let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries()));
+        let coverage = publication::coverage(header.clone(), &self.history, &self.fixture, solution, obstacle);
+        if let Some(coverage) = self.gate.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));
         }
-        let calibration = publish::calibration(header, &self.book, &self.config, solution);
-        let round = self.publisher.round(&self.book, &self.fixture, self.config.fit.refit);
-        let news = self.publisher.calibration(calibration, at_end, round);
+        let calibration = publication::calibration(header, &self.history, &self.config, solution);
+        let round = self.gate.round(&self.history, &self.fixture, self.config.fit.refit);
+        let news = self.gate.calibration(calibration, at_end, round);
         if let Some(calibration) = &news {
             events.push(event(Message::Calibration(Box::new(calibration.clone()))));
         }
-        for Suspicion { sensor, cause, text } in &solution.suspicions {
-            if self.suspected.insert((*sensor, *cause)) {
-                let text = format!("{}: {text}", words::sensor(&self.config, *sensor));
+        for Fault { sensor, kind, text } in &solution.faults {
+            if self.reported.insert((*sensor, *kind)) {
+                let text = format!("{}: {text}", guidance::sensor(&self.config, *sensor));
                 events.push(self.log(stamp, log_time, Level::Warning, text));
             }
         }
@@ -304,7 +247,7 @@ impl Engine {
             events.push(self.log(stamp, log_time, Level::Warning, text));
         }
         if let Some(calibration) = news {
-            events.push(self.log(stamp, log_time, Level::Info, words::published(&calibration)));
+            events.push(self.log(stamp, log_time, Level::Info, guidance::published(&calibration)));
         }
     }
 
@@ -316,7 +259,7 @@ impl Engine {
             State::Still => messages::stillness::State::Still,
         };
         messages::Stillness {
-            header: Some(publish::header(stamp, &self.config.frame_id)),
+            header: Some(publication::header(stamp, &self.config.frame_id)),
             state: state.into(),
             statistic: status.statistic,
             enter: status.enter,

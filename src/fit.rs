@@ -2,49 +2,51 @@
 //! what came out to [`engine`](crate::engine).
 //!
 //! The measurement model everywhere is `measured = b + S · true` at rest (Guang-Lin et al., 2012, at constant
-//! temperature); [`Shape`] says what of it is unknown, and every fit is a [`System`] of equations about that.
+//! temperature); [`Parameterisation`] says what of it is unknown, and every fit is a [`LinearSystem`] of equations about that.
 
 pub mod accelerometer;
-pub mod contradiction;
 pub mod gyroscope;
-pub mod posed;
+pub mod known_poses;
+pub mod outlier_test;
 pub mod secondary;
 
-mod alignment;
-mod bars;
-mod block;
 mod bound;
 mod calibration;
 mod config;
-mod conic;
+mod error;
 mod estimate;
 mod fixture;
 mod gravity;
 mod huber;
+mod initial_guess;
+mod linear_system;
 mod lsqlin;
-mod orientation;
-mod reference;
+mod normal_equations;
+mod parameterisation;
+mod placement_scatter;
+mod quadratic_program;
 mod regression;
-mod scatter;
-mod shape;
-mod student;
-mod system;
-mod worst;
+mod residual_block;
+mod student_t;
+mod time_interpolation;
+mod uncertainty;
+mod worst_case;
 
-pub use alignment::Alignment;
-pub use block::Block;
 pub use bound::{Bound, Bounds};
 pub use calibration::Calibration;
 pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refit, Solid};
+pub use error::Error;
 pub use estimate::{Estimate, Origin};
 pub use fixture::{Face, Fixture};
 pub use gravity::{EARTH_RATE, Gravity, Place, Source};
 pub use huber::huber;
-pub use lsqlin::{Error, Solution, lsqlin};
-pub use orientation::guess;
-pub use reference::NormalEquations;
+pub use initial_guess::guess;
+pub use linear_system::{Limits, LinearSystem, Row, Solved, limits};
+pub use lsqlin::{Solution, lsqlin};
+pub use normal_equations::NormalEquations;
+pub use parameterisation::{Parameterisation, Term, Truth};
+pub use placement_scatter::{Assumed, PlacementScatter};
 pub use regression::Reading;
-pub use scatter::{Assumed, Scatter};
-pub use shape::{Shape, Term, Truth};
-pub use system::{Limits, Row, Solved, System, limits};
-pub use worst::directions;
+pub use residual_block::ResidualBlock;
+pub use time_interpolation::TimeInterpolation;
+pub use worst_case::directions;

@@ -7,24 +7,24 @@
 //! gyroscope, the sum of both; here each triad is tested by itself and the loudest decides, so that a quiet one cannot
 //! outvote a moving one.
 
-mod clock;
 mod config;
-mod extremes;
-mod floor;
 mod moments;
-mod placement;
+mod noise_floor;
+mod placement_number;
 mod rest;
+mod saturation;
 mod segmenter;
 mod signal;
 mod status;
-mod track;
+mod time_base;
+mod triad_track;
 mod window;
 
-pub use clock::{Clock, Tick};
 pub use config::{Config, Detector};
-pub use extremes::Extremes;
 pub use moments::Moments;
 pub use rest::{Rest, TriadMean};
+pub use saturation::ReadingRange;
 pub use segmenter::{Outcome, Segmenter};
 pub use signal::Signal;
 pub use status::{State, Status};
+pub use time_base::{Tick, TimeBase};

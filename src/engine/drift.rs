@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::observe::Placed;
+use super::observations::Placed;
 use crate::fit::{Calibration, Fixture};
 
 /// A bias that grew, by at least two faces that say so.

@@ -1,7 +1,7 @@
 //! What a sensor's datasheet changes in an engine's configuration: what stands at its default. What somebody has set
 //! otherwise stays.
 
-use super::Config;
+use super::config::Config;
 use crate::fit::{self, Bound, Bounds};
 use crate::imu::{Preset, Promise};
 use crate::still;

@@ -3,13 +3,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::{self, Alignment, Estimate, NormalEquations, Shape, Truth, limits};
+use super::refusal::Refusal;
+use crate::fit::{self, Estimate, NormalEquations, Parameterisation, TimeInterpolation, Truth, limits};
 use crate::imu::{Quantity, Sample, Sensor};
 
 /// The triads beside a reference.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Reference {
-    alignment: Alignment,
+    alignment: TimeInterpolation,
     accelerometer: NormalEquations,
     gyroscope: NormalEquations,
 }
@@ -23,7 +24,7 @@ impl Reference {
     /// Steps of the reference longer than `gap_s` are not bridged.
     pub(super) fn new(gap_s: f64) -> Self {
         Self {
-            alignment: Alignment::new(gap_s),
+            alignment: TimeInterpolation::new(gap_s),
             accelerometer: NormalEquations::default(),
             gyroscope: NormalEquations::default(),
         }
@@ -57,39 +58,42 @@ impl Reference {
     /// The accelerometer, whose axes have a noise of `floor` at rest as far as that is known (m/s²); or why not.
     pub(super) fn accelerometer(
         &self,
-        shape: Shape,
+        shape: Parameterisation,
         config: &fit::Config,
         floor: Option<f64>,
-    ) -> Result<Estimate, String> {
+    ) -> Result<Estimate, Refusal> {
         let limits = limits(shape, |term| config.bounds.accelerometer(term));
         let most = ALLOWANCE[0].max(OF_FLOOR * floor.unwrap_or(0.0));
         explained(&self.accelerometer, self.accelerometer.solve(shape, &limits, most), "m/s²")
     }
 
     /// The gyroscope, whose axes have a noise of `floor` at rest as far as that is known (rad/s); or why not.
-    pub(super) fn gyroscope(&self, shape: Shape, config: &fit::Config, floor: Option<f64>) -> Result<Estimate, String> {
+    pub(super) fn gyroscope(
+        &self,
+        shape: Parameterisation,
+        config: &fit::Config,
+        floor: Option<f64>,
+    ) -> Result<Estimate, Refusal> {
         let limits = limits(shape, |term| config.bounds.gyroscope(term));
         let most = ALLOWANCE[1].max(OF_FLOOR * floor.unwrap_or(0.0));
         explained(&self.gyroscope, self.gyroscope.solve(shape, &limits, most), "rad/s")
     }
 }
 
-fn explained(sums: &NormalEquations, found: Result<Estimate, fit::Error>, unit: &str) -> Result<Estimate, String> {
+fn explained(
+    sums: &NormalEquations,
+    found: Result<Estimate, fit::Error>,
+    unit: &'static str,
+) -> Result<Estimate, Refusal> {
     if sums.samples() == 0 {
-        return Err("no reading lies between samples of the reference: check its topic and its time stamps".to_owned());
+        return Err(Refusal::NoReference);
     }
     match found {
-        Err(fit::Error::Singular(_)) => Err(
-            "the motion beside the reference does not tell the parameters apart: turn the sensor about every axis, both \
-             ways, in several attitudes"
-                .to_owned(),
-        ),
-        Err(error) => Err(error.to_string()),
-        Ok(fit) if !fit.agrees() => Err(format!(
-            "the reference does not explain the readings: what is left over has an rms of {:.3} {unit}, more than {:.3}. Check \
-             its axes, units and time stamps",
-            fit.residual_rms, fit.residual_limit
-        )),
+        Err(fit::Error::Singular(_)) => Err(Refusal::TooLittleMotion),
+        Err(error) => Err(error.into()),
+        Ok(fit) if !fit.agrees() => {
+            Err(Refusal::ReferenceContradicts { rms: fit.residual_rms, limit: fit.residual_limit, unit })
+        }
         Ok(fit) => Ok(fit),
     }
 }

@@ -1,68 +1,25 @@
 //! From the remembered rests to what they determine of each triad. How one model of the primary accelerometer is tried is
-//! left to `attempt`, how rests become observations to `observe`.
+//! left to `model_trial`, how rests become observations to `observations`.
 
 use nalgebra::Vector3;
 
-use super::Config;
-use super::attempt::{self, Attempt, Trial};
-use super::book::{Entry, Verdict};
-use super::drift::Drift;
-use super::judge::{Judge, Poses};
-use super::observe::{self, Placed};
+use super::config::Config;
+use super::model_trial::{self, ModelTrial, Trial};
+use super::observations::{self, Placed};
 use super::preset::secondary_bounds;
-use super::reference::Reference;
-use super::suspicion::Suspicion;
-use super::words;
+use super::refusal::{Refusal, held_back};
+use super::rest_history::{JudgedRest, Verdict};
+use super::rest_judge::{Judge, Poses};
+use super::solution::{Givens, Missing, Solution, per_axis};
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Model, Place, Reading, Shape, Source, directions, guess, gyroscope, secondary,
+    self, Calibration, Estimate, Gravity, Model, Parameterisation, Place, Reading, Source, directions, guess,
+    gyroscope, secondary,
 };
 use crate::imu::SecondaryModel;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.
 const LEAST_RESTS: f64 = 3.0;
-
-/// What the rests determine.
-#[derive(Clone, Debug)]
-pub(super) struct Solution {
-    pub(super) gravity: Gravity,
-    /// Or why not.
-    pub(super) accelerometer: Result<Estimate, String>,
-    /// Richer models than that of the accelerometer, and why each is none.
-    pub(super) refused: Vec<(Shape, String)>,
-    pub(super) gyroscope: Option<Estimate>,
-    pub(super) secondary: Vec<Result<Estimate, String>>,
-    /// Accepted placements, all faces together.
-    pub(super) placements: usize,
-    /// Those that repeat what others say and so may contradict.
-    pub(super) repeats: usize,
-    /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
-    pub(super) coarse_step: Option<f64>,
-    /// Of the gyroscope's bias.
-    pub(super) gyro_placements: usize,
-    /// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s, if there was one.
-    pub(super) gyro_relaxed: Option<(f64, f64)>,
-    /// The accelerometer's calibration as it was guessed before anything was fitted.
-    pub(super) guessed: Calibration,
-    /// What speaks against the readings.
-    pub(super) suspicions: Vec<Suspicion>,
-    /// What contradicts itself and cannot be decided, in words.
-    pub(super) doubts: Vec<String>,
-    pub(super) drift: Option<Drift>,
-    /// What would determine the accelerometer if it is not.
-    pub(super) missing: Missing,
-}
-
-/// What a model of the accelerometer needs more of.
-#[derive(Clone, Debug)]
-pub(super) enum Missing {
-    /// The faces of the fixture.
-    Faces,
-    /// Any directions; the one furthest from those seen, by name.
-    Direction(String),
-    /// Motion beside the reference.
-    Motion,
-}
 
 /// The gravity to fit with.
 pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
@@ -74,18 +31,8 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     }
 }
 
-/// What is known beside the rests.
-pub(super) struct Known<'a> {
-    pub(super) gravity: Gravity,
-    /// The accelerometer's quantisation step, m/s².
-    pub(super) step: Option<f64>,
-    /// The model that was published last.
-    pub(super) kept: Option<Shape>,
-    pub(super) reference: Option<&'a Reference>,
-}
-
 /// Judges every rest anew and fits what the good ones, or a reference, determine.
-pub(super) fn solve(entries: &mut [Entry], judge: &Judge<'_>, config: &Config, known: &Known<'_>) -> Solution {
+pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Config, givens: &Givens<'_>) -> Solution {
     judge.sort_out(entries);
     let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
     let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
@@ -93,14 +40,14 @@ pub(super) fn solve(entries: &mut [Entry], judge: &Judge<'_>, config: &Config, k
     let verdicts: Vec<Verdict> = entries.iter().map(|entry| entry.verdict.clone()).collect();
 
     let mut refused = Vec::new();
-    let mut attempt = Attempt::new(Poses::OnFaces);
-    for &shape in candidates(config.fit.model, known.reference.is_some()) {
+    let mut attempt = ModelTrial::new(Poses::OnFaces);
+    for &shape in candidates(config.fit.model, givens.reference.is_some()) {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
-        attempt = match known.reference {
+        attempt = match givens.reference {
             Some(reference) if beside_reference(shape) => {
-                attempt::on_reference(entries, judge, &Trial { shape, known }, reference, start)
+                model_trial::on_reference(entries, judge, &Trial { shape, givens }, reference, start)
             }
-            _ => attempt::on_rests(entries, judge, &Trial { shape, known }, start),
+            _ => model_trial::on_rests(entries, judge, &Trial { shape, givens }, start),
         };
         match &attempt.fit {
             Ok(_) => break,
@@ -110,39 +57,36 @@ pub(super) fn solve(entries: &mut [Entry], judge: &Judge<'_>, config: &Config, k
     if attempt.fit.is_err() {
         refused.pop();
     }
-    Solution { guessed: start, ..others(entries, judge, config, known, refused, attempt) }
+    Solution { guessed: start, ..others(entries, judge, config, givens, refused, attempt) }
 }
 
 /// Models to try, the richest first.
-fn candidates(model: Model, reference: bool) -> &'static [Shape] {
+fn candidates(model: Model, reference: bool) -> &'static [Parameterisation] {
     match model {
-        Model::Full => &[Shape::FULL_ACCELEROMETER],
-        Model::Auto if reference => &[Shape::FULL_ACCELEROMETER, Shape::TRIANGULAR, Shape::DIAGONAL],
-        Model::Auto => &[Shape::TRIANGULAR, Shape::DIAGONAL],
-        Model::BiasScale => &[Shape::DIAGONAL],
-        Model::Triangular => &[Shape::TRIANGULAR],
-        Model::CrossAxis => &[Shape::MATRIX],
+        Model::Full => &[Parameterisation::FULL_ACCELEROMETER],
+        Model::Auto if reference => {
+            &[Parameterisation::FULL_ACCELEROMETER, Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL]
+        }
+        Model::Auto => &[Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL],
+        Model::BiasScale => &[Parameterisation::DIAGONAL],
+        Model::Triangular => &[Parameterisation::TRIANGULAR],
+        Model::CrossAxis => &[Parameterisation::MATRIX],
     }
 }
 
 /// Whether a model of the accelerometer is fitted on a reference where there is one.
-fn beside_reference(shape: Shape) -> bool {
-    shape == Shape::FULL_ACCELEROMETER || shape == Shape::MATRIX
-}
-
-/// Of one axis, what is √(Σ variance) of three.
-pub(super) fn per_axis(floor: f64) -> f64 {
-    floor / 3_f64.sqrt()
+fn beside_reference(shape: Parameterisation) -> bool {
+    shape == Parameterisation::FULL_ACCELEROMETER || shape == Parameterisation::MATRIX
 }
 
 /// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
 fn others(
-    entries: &[Entry],
+    entries: &[JudgedRest],
     judge: &Judge<'_>,
     Config { fit: config, secondary, still, .. }: &Config,
-    known: &Known<'_>,
-    refused: Vec<(Shape, String)>,
-    Attempt { fit: accelerometer, seen, ups, poses, doubts, drift }: Attempt,
+    givens: &Givens<'_>,
+    refused: Vec<(Parameterisation, Refusal)>,
+    ModelTrial { fit: accelerometer, seen, ups, poses, doubts, drift }: ModelTrial,
 ) -> Solution {
     let primary = accelerometer.as_ref().ok();
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {
@@ -156,25 +100,27 @@ fn others(
     });
     let secondary = secondary.collect();
     let calibration = primary.map(Estimate::calibration);
-    let noise = observe::gyroscope_noise(judge.segmenter);
-    let mut rates = observe::rates(entries, noise, config, calibration.as_ref());
-    if let Some(place) = known.gravity.place {
+    let noise = observations::gyroscope_noise(judge.segmenter);
+    let mut rates = observations::rates(entries, noise, config, calibration.as_ref());
+    if let Some(place) = givens.gravity.place {
         rates.iter_mut().for_each(|reading| turn_with_the_earth(reading, &place));
     }
-    let at_rest = entries.iter().filter(|entry| observe::tells_of_rates(entry, noise));
+    let at_rest = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise));
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
     let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
-    let rich = match (primary.map(|fit| fit.shape), known.reference) {
-        (Some(Shape::FULL_ACCELEROMETER), Some(reference)) => {
-            reference.gyroscope(Shape::FULL_GYROSCOPE, config, floor).ok()
+    let rich = match (primary.map(|fit| fit.shape), givens.reference) {
+        (Some(Parameterisation::FULL_ACCELEROMETER), Some(reference)) => {
+            reference.gyroscope(Parameterisation::FULL_GYROSCOPE, config, floor).ok()
         }
-        (Some(Shape::MATRIX), Some(reference)) => reference.gyroscope(Shape::GYROSCOPE_AT_REST, config, floor).ok(),
-        (Some(Shape::MATRIX), None) => gyroscope(Shape::GYROSCOPE_AT_REST).ok(),
+        (Some(Parameterisation::MATRIX), Some(reference)) => {
+            reference.gyroscope(Parameterisation::GYROSCOPE_AT_REST, config, floor).ok()
+        }
+        (Some(Parameterisation::MATRIX), None) => gyroscope(Parameterisation::GYROSCOPE_AT_REST).ok(),
         _ => None,
     };
     Solution {
-        gravity: known.gravity,
+        gravity: givens.gravity,
         placements: seen.len(),
         missing: match poses {
             _ if config.model == Model::Full => Missing::Motion,
@@ -182,7 +128,7 @@ fn others(
             Poses::OnFaces => Missing::Faces,
         },
         repeats: primary.map_or(0, |_| repeats(&seen, &ups, poses)),
-        coarse_step: known.step.filter(|&step| observe::is_coarse(entries, step)),
+        coarse_step: givens.step.filter(|&step| observations::is_coarse(entries, step)),
         accelerometer,
         refused,
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
@@ -191,11 +137,11 @@ fn others(
         gyro_relaxed: entries
             .iter()
             .filter(|entry| entry.verdict.is_at_rest())
-            .find_map(|entry| observe::relaxed(entry, noise)),
-        gyroscope: rich.or_else(|| gyroscope(Shape::BIAS).ok().filter(|_| believed)),
+            .find_map(|entry| observations::relaxed(entry, noise)),
+        gyroscope: rich.or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed)),
         secondary,
         guessed: Calibration::default(),
-        suspicions: Vec::new(),
+        faults: Vec::new(),
     }
 }
 
@@ -233,39 +179,35 @@ fn repeats(seen: &[Placed], ups: &[Vector3<f64>], poses: Poses) -> usize {
         }
     }
     let counted: usize = directions.iter().map(|(_, count)| (*count).min(MOST)).sum();
-    let needed = if poses == Poses::OnFaces { directions.len() } else { Shape::TRIANGULAR.unknowns() };
+    let needed = if poses == Poses::OnFaces { directions.len() } else { Parameterisation::TRIANGULAR.unknowns() };
     counted.saturating_sub(needed)
 }
 
 fn fit_secondary(
-    entries: &[Entry],
+    entries: &[JudgedRest],
     (index, model): (usize, SecondaryModel),
     config: &fit::Config,
     primary: Option<&Estimate>,
-) -> Result<Estimate, String> {
-    let primary = primary.ok_or("waits for the calibration of the primary accelerometer")?;
-    let pairs = observe::pairs(entries, config, index);
+) -> Result<Estimate, Refusal> {
+    let primary = primary.ok_or(Refusal::WaitsForPrimary)?;
+    let pairs = observations::pairs(entries, config, index);
     if pairs.is_empty() {
-        return Err("was silent during every rest: check its topic and its time stamps".to_owned());
+        return Err(Refusal::Silent);
     }
     let fit = |shape| secondary::fit(shape, &pairs, primary, config.placement_std, &config.bounds, config.loss);
     let shape = match model {
-        SecondaryModel::BiasScale => Shape::DIAGONAL,
-        SecondaryModel::CrossAxis => Shape::MATRIX,
+        SecondaryModel::BiasScale => Parameterisation::DIAGONAL,
+        SecondaryModel::CrossAxis => Parameterisation::MATRIX,
     };
-    let fit = (fit(shape).map_err(|error| error.to_string())?, fit);
-    let (fit, with) = fit;
+    let (fit, with) = (fit(shape)?, fit);
     if !fit.agrees() {
-        return Err(format!(
-            "does not follow the primary accelerometer: the residuals have an rms of {:.3} m/s², more than {:.3}. {}{}",
-            fit.residual_rms,
-            fit.residual_limit,
-            match shape == Shape::DIAGONAL && with(Shape::MATRIX).is_ok_and(|other| other.agrees()) {
-                true => "It is turned beside it, or its axes are skewed: set its model = \"cross-axis\"",
-                false => "Check its axes, unit and time stamps",
-            },
-            words::also(&words::active_bounds(&fit))
-        ));
+        return Err(Refusal::DoesNotFollow {
+            rms: fit.residual_rms,
+            limit: fit.residual_limit,
+            turned: shape == Parameterisation::DIAGONAL
+                && with(Parameterisation::MATRIX).is_ok_and(|other| other.agrees()),
+            at_bounds: held_back(&fit),
+        });
     }
     Ok(fit)
 }

@@ -1,5 +1,5 @@
 //! Whether the gyroscope explains how gravity turned from one rest to the next: flipped axes and a wrong unit show there.
-//! What becomes of a sensor that is found out is left to `suspicion`.
+//! What becomes of a sensor that is found out is left to `faults`.
 //!
 //! A vector that is fixed in the world obeys a′ = −ω × a in the sensor's frame. If the readings are sign changes of both,
 //! m = s∘a and w = g∘ω, then m′ = −(h∘w) × m with h = g∘(s_y s_z, s_z s_x, s_x s_y): of the 64 ways to flip axes eight

@@ -8,16 +8,16 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use super::bars::{Bars, Sharing};
 use super::bound::Bounds;
 use super::calibration::Calibration;
 use super::config::{Estimator, Loss};
+use super::error::Error;
 use super::estimate::{Estimate, Origin};
 use super::gravity::Gravity;
-use super::lsqlin;
-use super::scatter::Assumed;
-use super::shape::{Shape, Term, Truth};
-use super::system::{Solved, System, limits};
+use super::linear_system::{LinearSystem, Solved, limits};
+use super::parameterisation::{Parameterisation, Term, Truth};
+use super::placement_scatter::Assumed;
+use super::uncertainty::{Sharing, Uncertainty};
 
 /// What one placement read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,12 +36,12 @@ pub struct Observation {
 #[derive(Clone, Copy, Debug)]
 pub struct Assumptions<'a> {
     /// Which parameters are unknown.
-    pub shape: Shape,
+    pub shape: Parameterisation,
     /// Where to stop.
     pub estimator: Estimator,
     /// The length of gravity.
     pub gravity: Gravity,
-    /// Scatter of specific force from placement to placement, while repeats do not show it, m/s².
+    /// PlacementScatter of specific force from placement to placement, while repeats do not show it, m/s².
     pub placement_std: f64,
     /// How equations that are left over count.
     pub loss: Loss,
@@ -60,11 +60,11 @@ const ALLOWANCE: f64 = 0.03;
 ///
 /// # Errors
 /// If they do not determine the parameters, or the solver fails.
-pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Estimate, lsqlin::Error> {
+pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Estimate, Error> {
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
         (Estimator::Fixture, _) => on_fixture(observations, given, between, before),
         (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, between, *before),
-        (Estimator::Magnitude, None) if given.shape == Shape::TRIANGULAR => {
+        (Estimator::Magnitude, None) if given.shape == Parameterisation::TRIANGULAR => {
             on_magnitude(observations, given, between, given.start)
         }
         (Estimator::Magnitude, None) => {
@@ -74,7 +74,7 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Esti
     };
     // The scatter and the tilts that the first fit shows set the weights of the second.
     let first = solve(given.placement_std * given.placement_std, None)?;
-    let bars = Bars::learn(given.shape, &first.solved, Sharing::All, given.assumed());
+    let bars = Uncertainty::learn(given.shape, &first.solved, Sharing::All, given.assumed());
     let second = solve(bars.between(0), Some(&first.calibration))?;
     Ok(summarise(observations, given, &bars, second))
 }
@@ -92,8 +92,8 @@ fn on_fixture(
     given: &Assumptions<'_>,
     between: f64,
     tilts: Option<&Calibration>,
-) -> Result<Stage, lsqlin::Error> {
-    let mut system = System::leaking(given.shape, given.assumed().leak);
+) -> Result<Stage, Error> {
+    let mut system = LinearSystem::leaking(given.shape, given.assumed().leak);
     for seen in observations {
         let truth = seen.normal * given.gravity.value;
         let felt = tilts.map_or(truth, |calibration| calibration.correct(&seen.mean));
@@ -111,9 +111,9 @@ fn on_magnitude(
     given: &Assumptions<'_>,
     between: f64,
     start: Calibration,
-) -> Result<Stage, lsqlin::Error> {
+) -> Result<Stage, Error> {
     match gauss_newton(observations, given, between, given.assumed().leak, start) {
-        Err(lsqlin::Error::NotConverged) => gauss_newton(observations, given, between, 0.0, start),
+        Err(Error::NotConverged) => gauss_newton(observations, given, between, 0.0, start),
         found => found,
     }
 }
@@ -125,16 +125,17 @@ fn gauss_newton(
     between: f64,
     leak: f64,
     start: Calibration,
-) -> Result<Stage, lsqlin::Error> {
+) -> Result<Stage, Error> {
     const STEPS: usize = 20;
     // In units of the residuals' standard deviations. The next step would be a thousandth of it.
     const ENOUGH: f64 = 1e-6;
     let (low, high) = limits(given.shape, |term| given.bounds.accelerometer(term));
     let mut calibration = start;
     for _ in 0..STEPS {
-        let mut system = System::leaking(given.shape, leak);
+        let mut system = LinearSystem::leaking(given.shape, leak);
         for seen in observations {
-            let Line { residual, by_measured, truth, noise } = Line::of(seen, given, &calibration);
+            let MagnitudeEquation { residual, by_measured, truth, noise } =
+                MagnitudeEquation::of(seen, given, &calibration);
             system.push(&-by_measured, &truth, -residual, noise, between);
         }
         let here = given.shape.vector(&calibration);
@@ -144,11 +145,11 @@ fn gauss_newton(
             return Ok(Stage { calibration, solved });
         }
     }
-    Err(lsqlin::Error::NotConverged)
+    Err(Error::NotConverged)
 }
 
 /// One placement's equation ‖S⁻¹(m − b)‖ = g, linearised.
-pub(super) struct Line {
+pub(super) struct MagnitudeEquation {
     /// ‖corrected‖ − g, m/s².
     pub(super) residual: f64,
     /// ∂‖S⁻¹(m − b)‖/∂m.
@@ -159,7 +160,7 @@ pub(super) struct Line {
     pub(super) noise: f64,
 }
 
-impl Line {
+impl MagnitudeEquation {
     pub(super) fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration) -> Self {
         let corrected = calibration.correct(&seen.mean);
         let length = corrected.norm();
@@ -170,9 +171,11 @@ impl Line {
     }
 }
 
-fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Bars, stage: Stage) -> Estimate {
-    let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &stage.calibration)).collect();
-    let weight = |line: &Line| 1.0 / (line.by_measured.norm_squared() * given.placement_std.powi(2) + line.noise);
+fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncertainty, stage: Stage) -> Estimate {
+    let lines: Vec<_> =
+        observations.iter().map(|seen| MagnitudeEquation::of(seen, given, &stage.calibration)).collect();
+    let weight =
+        |line: &MagnitudeEquation| 1.0 / (line.by_measured.norm_squared() * given.placement_std.powi(2) + line.noise);
     let weights: f64 = lines.iter().map(weight).sum();
     let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
@@ -228,7 +231,7 @@ impl Assumptions<'_> {
     /// What is assumed of the errors. The entries of S above the diagonal turn the frame, which the length of a reading
     /// does not feel: a triangular S is that of the sensor's own axes, and nothing is left out of it.
     fn assumed(&self) -> Assumed {
-        let own_axes = self.shape == Shape::TRIANGULAR && self.estimator == Estimator::Magnitude;
+        let own_axes = self.shape == Parameterisation::TRIANGULAR && self.estimator == Estimator::Magnitude;
         Assumed { placement: self.placement_std, leak: if own_axes { 0.0 } else { UNMODELLED_CROSS_AXIS } }
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::shape::{Shape, Term};
+use super::parameterisation::{Parameterisation, Term};
 
 /// Lower and upper limit of a parameter, the same for every axis that reads it or one for each.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,10 +138,10 @@ impl Bounds {
     }
 
     /// Of a parameter of a secondary accelerometer.
-    pub fn secondary(&self, shape: Shape, term: Term) -> [f64; 2] {
+    pub fn secondary(&self, shape: Parameterisation, term: Term) -> [f64; 2] {
         match term {
             Term::Bias(axis) => self.secondary_bias.of(axis),
-            Term::Own(row, _) if shape == Shape::DIAGONAL => self.secondary_scale.of(row),
+            Term::Own(row, _) if shape == Parameterisation::DIAGONAL => self.secondary_scale.of(row),
             Term::Own(row, _) => self.secondary_cross_axis.of(row),
             Term::Other(..) | Term::Square(_) => UNBOUNDED,
         }

@@ -1,4 +1,4 @@
-//! Bias and sensitivity of one triad. Which of their entries are unknown is said by [`Shape`](super::Shape).
+//! Bias and sensitivity of one triad. Which of their entries are unknown is said by [`Parameterisation`](super::Parameterisation).
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};

@@ -3,14 +3,14 @@
 use nalgebra::{DMatrix, DVector, MatrixXx3};
 
 use super::calibration::Calibration;
-use super::shape::Shape;
-use super::worst::ReadingError;
+use super::parameterisation::Parameterisation;
+use super::worst_case::ReadingError;
 
 /// Parameters of a triad and how well they are known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Which parameters were estimated, and in what order they stand.
-    pub shape: Shape,
+    pub shape: Parameterisation,
     /// Their values.
     pub parameters: DVector<f64>,
     /// Their covariance, all causes included, and stretched so that 1.96 standard deviations are half of a 95 % interval.

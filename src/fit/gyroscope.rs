@@ -3,16 +3,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bars::Sharing;
 use super::bound::Bounds;
 use super::config::Loss;
+use super::error::Error;
 use super::estimate::Estimate;
 use super::gravity::EARTH_RATE;
-use super::lsqlin;
+use super::linear_system::limits;
+use super::parameterisation::{Parameterisation, Truth};
+use super::placement_scatter::Assumed;
 use super::regression::{Reading, Regression, regress};
-use super::scatter::Assumed;
-use super::shape::{Shape, Truth};
-use super::system::limits;
+use super::uncertainty::Sharing;
 
 /// Regresses placements that scatter by `assumed_std` (rad/s) until they show otherwise on the specific forces (m/s²) that
 /// their truths hold as the other quantity.
@@ -20,12 +20,12 @@ use super::system::limits;
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
 pub fn fit(
-    shape: Shape,
+    shape: Parameterisation,
     readings: &[Reading],
     assumed_std: f64,
     bounds: &Bounds,
     loss: Loss,
-) -> Result<Estimate, lsqlin::Error> {
+) -> Result<Estimate, Error> {
     let assumed = Assumed { placement: assumed_std, leak: 0.0 };
     let limits = limits(shape, |term| bounds.gyroscope(term));
     let regression = regress(shape, readings, assumed, Sharing::ByAxis, &limits, loss)?;
@@ -37,7 +37,7 @@ pub fn fit(
 /// variance each. About the vertical it turns every placement alike; where the latitude is known, that is known. Across
 /// it, however often the IMU is placed, it may face such a way that what it adds never averages out. Where not even the
 /// vertical is known, all of it may lie anywhere.
-fn by_earth(shape: Shape, readings: &[Reading], regression: &Regression) -> DMatrix<f64> {
+fn by_earth(shape: Parameterisation, readings: &[Reading], regression: &Regression) -> DMatrix<f64> {
     let influence: Vec<_> = regression.solved.influence(&regression.solved.gain()).collect();
     let (mut along, mut across) = (DVector::zeros(shape.unknowns()), DVector::<f64>::zeros(shape.unknowns()));
     for (axes, reading) in influence.chunks_exact(3).zip(readings) {
@@ -73,15 +73,21 @@ mod tests {
     fn the_bias_is_the_mean_over_placements_not_over_samples() {
         let seen = |x: f64, noise: f64| seen(Vector3::repeat(x), Vector3::zeros(), noise);
         // A long rest has less noise, but its placement scatters like that of any other.
-        let fit =
-            fit(Shape::BIAS, &[seen(0.010, 1e-12), seen(0.012, 1e-8)], 1e-3, &Bounds::default(), Loss::Square).unwrap();
+        let fit = fit(
+            Parameterisation::BIAS,
+            &[seen(0.010, 1e-12), seen(0.012, 1e-8)],
+            1e-3,
+            &Bounds::default(),
+            Loss::Square,
+        )
+        .unwrap();
         assert!((fit.parameters[0] - 0.011).abs() < 5e-5, "{}", fit.parameters[0]);
         assert!(fit.std(0) > 5e-4);
     }
 
     #[test]
     fn nothing_comes_of_nothing() {
-        assert!(fit(Shape::BIAS, &[], 1e-3, &Bounds::default(), Loss::Square).is_err());
+        assert!(fit(Parameterisation::BIAS, &[], 1e-3, &Bounds::default(), Loss::Square).is_err());
     }
 
     #[test]
@@ -97,7 +103,7 @@ mod tests {
                 seen(bias + cross * force + squares.component_mul(&force.component_mul(&force)), force, 1e-10)
             })
             .collect();
-        let shape = Shape::GYROSCOPE_AT_REST;
+        let shape = Parameterisation::GYROSCOPE_AT_REST;
         let fit = fit(shape, &readings, 1e-4, &Bounds::default(), Loss::Square).unwrap();
         assert!(fit.condition < 2.5, "{}", fit.condition);
         assert!((fit.calibration().bias - bias).amax() < 1e-12);
@@ -113,7 +119,8 @@ mod tests {
             truth: Truth { own: known, ..Truth::default() },
             ..seen(bias + turning, Vector3::zeros(), 1e-14)
         };
-        let learn = |known| fit(Shape::BIAS, &[reading(known); 3], 1e-6, &Bounds::default(), Loss::Square).unwrap();
+        let learn =
+            |known| fit(Parameterisation::BIAS, &[reading(known); 3], 1e-6, &Bounds::default(), Loss::Square).unwrap();
         let (known, unknown) = (learn(turning), learn(Vector3::zeros()));
         assert!((known.parameters.fixed_rows::<3>(0) - bias).amax() < 1e-12);
         assert!((unknown.parameters[2] - bias.z).abs() > 6e-5);
@@ -126,8 +133,9 @@ mod tests {
         let faces = crate::fit::Fixture::cube();
         let readings: Vec<_> =
             faces.faces().iter().map(|face| seen(Vector3::zeros(), face.normal * 9.8, 1e-14)).collect();
-        let learn =
-            |readings: &[Reading]| fit(Shape::BIAS, readings, 1e-7, &Bounds::default(), Loss::Square).unwrap().std(2);
+        let learn = |readings: &[Reading]| {
+            fit(Parameterisation::BIAS, readings, 1e-7, &Bounds::default(), Loss::Square).unwrap().std(2)
+        };
         let anywhere = EARTH_RATE / 3_f64.sqrt();
         // Of six faces an axis lies level on four, all of which may face the same way.
         assert!((learn(&readings) / anywhere - 2.0 / 3.0).abs() < 0.01, "{}", learn(&readings) / anywhere);

@@ -7,8 +7,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::conic::Program;
-use super::lsqlin::{Error, Solution, lsqlin};
+use super::error::Error;
+use super::lsqlin::{Solution, lsqlin};
+use super::quadratic_program::QuadraticProgram;
 
 /// Minimises Σ ρ(a x − b) with `lower ≤ x ≤ upper`, where ρ(r) is r²/2 up to `delta` and δ(|r| − δ/2) beyond.
 ///
@@ -119,7 +120,7 @@ fn conic(
         quadratic[unknowns + i][unknowns + i] = 1.0;
         linear[unknowns + rows + i] = 1.0;
     }
-    let mut program = Program::new(quadratic, linear);
+    let mut program = QuadraticProgram::new(quadratic, linear);
     for i in 0..rows {
         for sign in [1.0, -1.0] {
             // ±(a x − b − u) ≤ v.

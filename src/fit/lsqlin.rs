@@ -7,7 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::conic::Program;
+use super::error::Error;
+use super::quadratic_program::QuadraticProgram;
 
 /// A minimiser.
 #[derive(Clone, Debug)]
@@ -25,20 +26,6 @@ impl Solution {
     pub fn condition(&self) -> f64 {
         condition(&self.triangle.singular_values())
     }
-}
-
-/// Why there is none.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Error {
-    /// The equations do not determine the unknowns.
-    #[error("the equations do not determine the unknowns (condition number {0:.1e})")]
-    Singular(f64),
-    /// The sizes do not fit, a lower bound is above its upper bound, or a value is not finite.
-    #[error("the bounds contradict each other, the sizes do not fit, or a value is not finite")]
-    Invalid,
-    /// The solver gave up, or what it returned is no minimum.
-    #[error("the solver did not converge")]
-    NotConverged,
 }
 
 /// Beyond this, twelve of sixteen digits would be lost to the design alone.
@@ -122,7 +109,7 @@ fn interior_point(
     // A bound that far from a solution of order one is none, and would only spoil the scaling.
     const FAR: f64 = 1e3;
     let linear: Vec<f64> = (-design.tr_mul(target)).iter().copied().collect();
-    let mut program = Program::new(rows(&design.tr_mul(design)), linear);
+    let mut program = QuadraticProgram::new(rows(&design.tr_mul(design)), linear);
     program.bound(low, high, FAR);
     program.minimise()
 }

@@ -4,14 +4,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bars::{Bars, Other, Sharing};
 use super::calibration::Calibration;
 use super::config::Loss;
+use super::error::Error;
 use super::estimate::Estimate;
-use super::lsqlin;
-use super::scatter::Assumed;
-use super::shape::{Shape, Term, Truth};
-use super::system::{Limits, Solved, System};
+use super::linear_system::{Limits, LinearSystem, Solved};
+use super::parameterisation::{Parameterisation, Term, Truth};
+use super::placement_scatter::Assumed;
+use super::uncertainty::{Other, Sharing, Uncertainty};
 
 /// What a triad read during one placement, and what there was to read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +29,9 @@ pub struct Reading {
 /// The parameters and what they leave over.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
-    pub(super) shape: Shape,
+    pub(super) shape: Parameterisation,
     pub(super) solved: Solved,
-    pub(super) bars: Bars,
+    pub(super) bars: Uncertainty,
     assumed: Assumed,
     /// What noise alone would leave.
     white_rms: f64,
@@ -40,15 +40,15 @@ pub(super) struct Regression {
 /// Regresses readings whose placements scatter on each axis as is assumed, until they show otherwise. The equations are
 /// those of the readings in turn, three axes each.
 pub(super) fn regress(
-    shape: Shape,
+    shape: Parameterisation,
     readings: &[Reading],
     assumed: Assumed,
     sharing: Sharing,
     limits: &Limits,
     loss: Loss,
-) -> Result<Regression, lsqlin::Error> {
+) -> Result<Regression, Error> {
     let solve = |between: &Vector3<f64>, calibration: &Calibration| {
-        let mut system = System::leaking(shape, assumed.leak);
+        let mut system = LinearSystem::leaking(shape, assumed.leak);
         for reading in readings {
             let noise = noise(reading, calibration);
             for axis in 0..3 {
@@ -62,7 +62,7 @@ pub(super) fn regress(
     // The sensitivity and the scatter that the first regression shows set the weights of the second.
     let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default())?;
     let calibration = shape.calibration(&first.solution.x);
-    let bars = Bars::learn(shape, &first, sharing, assumed);
+    let bars = Uncertainty::learn(shape, &first, sharing, assumed);
     let solved = solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration)?;
     let white: f64 = readings.iter().map(|reading| noise(reading, &calibration).sum()).sum();
     let white_rms = (white / (3 * readings.len()).max(1) as f64).sqrt();
@@ -93,7 +93,7 @@ impl Regression {
 }
 
 /// What a perfect sensor makes of the truth where the shape leaves nothing free.
-fn fixed(shape: Shape, axis: usize, truth: &Truth) -> f64 {
+fn fixed(shape: Parameterisation, axis: usize, truth: &Truth) -> f64 {
     let diagonal = shape.has(Term::Own(axis, axis));
     if diagonal { 0.0 } else { truth.own[axis] }
 }

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::bars::{Other, Sharing};
 use super::bound::Bounds;
 use super::config::Loss;
+use super::error::Error;
 use super::estimate::Estimate;
-use super::lsqlin;
+use super::linear_system;
+use super::parameterisation::{Parameterisation, Term, Truth};
+use super::placement_scatter::Assumed;
 use super::regression::{Reading, regress};
-use super::scatter::Assumed;
-use super::shape::{Shape, Term, Truth};
-use super::system;
+use super::uncertainty::{Other, Sharing};
 
 /// What both sensors read during one placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,13 +41,13 @@ const ALLOWANCE: f64 = 0.05;
 /// # Errors
 /// If the rests do not determine the parameters, or the solver fails.
 pub fn fit(
-    shape: Shape,
+    shape: Parameterisation,
     pairs: &[Pair],
     primary: &Estimate,
     assumed_std: f64,
     bounds: &Bounds,
     loss: Loss,
-) -> Result<Estimate, lsqlin::Error> {
+) -> Result<Estimate, Error> {
     let calibration = primary.calibration();
     let inverse = calibration.inverse();
     let [between, _, spread] = primary.origin.as_ref().map_or([0.0; 3], |origin| origin.between);
@@ -60,7 +60,7 @@ pub fn fit(
     };
     let readings: Vec<_> = pairs.iter().map(reading).collect();
     let assumed = Assumed { placement: assumed_std, leak: MOUNTING };
-    let limits = system::limits(shape, |term| bounds.secondary(shape, term));
+    let limits = linear_system::limits(shape, |term| bounds.secondary(shape, term));
     let regression = regress(shape, &readings, assumed, Sharing::Common, &limits, loss)?;
 
     let solved = &regression.solved;
@@ -92,7 +92,7 @@ pub fn fit(
     if let Some(origin) = &primary.origin {
         other += &by_parameters * &origin.systematic * by_parameters.transpose();
     }
-    if shape == Shape::DIAGONAL {
+    if shape == Parameterisation::DIAGONAL {
         // What the primary's leaks turn of an axis into the next, those of the secondary turn back.
         for (i, _) in shape.terms().iter().enumerate().filter(|(_, term)| matches!(term, Term::Own(..))) {
             other[(i, i)] += 2.0 * (regression.bars.leak_rms * primary.unmodelled_std).powi(2);
@@ -126,7 +126,7 @@ mod tests {
         };
         let observations: Vec<_> = faces.faces().iter().enumerate().map(observation).collect();
         let given = Assumptions {
-            shape: Shape::DIAGONAL,
+            shape: Parameterisation::DIAGONAL,
             estimator: Estimator::Magnitude,
             gravity: Gravity::configured(G),
             placement_std: 1e-4,
@@ -145,7 +145,7 @@ mod tests {
             secondary_noise: noise(i),
         };
         let pairs: Vec<_> = observations.iter().enumerate().map(pair).collect();
-        let fit = fit(Shape::DIAGONAL, &pairs, &primary, 1e-4, &bounds, Loss::Square).unwrap();
+        let fit = fit(Parameterisation::DIAGONAL, &pairs, &primary, 1e-4, &bounds, Loss::Square).unwrap();
         let off = fit.parameters.fixed_rows::<3>(0) - truth.bias;
         // By squares alone it would be 0.3 m/s².
         assert!(off.amax() < 0.002, "{off}");

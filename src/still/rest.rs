@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Extremes, Moments};
+use super::moments::Moments;
+use super::saturation::ReadingRange;
 use crate::Stamp;
 use crate::imu::Sensor;
 
@@ -66,7 +67,7 @@ pub struct TriadMean {
     /// Means of the first and of the last whole window; of everything where no window is whole.
     pub ends: [Vector3<f64>; 2],
     /// Lowest and highest readings.
-    pub extremes: Extremes,
+    pub extremes: ReadingRange,
     /// How many samples the driver called clipped.
     pub clipped: u64,
 }
@@ -128,7 +129,7 @@ pub(super) struct Sums {
     batches: Moments,
     /// The first and the last of them.
     ends: Option<[Vector3<f64>; 2]>,
-    extremes: Option<Extremes>,
+    extremes: Option<ReadingRange>,
     /// Mean of the times since start, their sum of squared deviations, and that with the values.
     time_mean: f64,
     time_squares: f64,
@@ -168,7 +169,7 @@ impl Sums {
 
         match &mut self.extremes {
             Some(extremes) => extremes.push(value),
-            None => self.extremes = Some(Extremes::of(value)),
+            None => self.extremes = Some(ReadingRange::of(value)),
         }
 
         self.batch += value;

@@ -8,12 +8,13 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::clock::Tick;
-use super::placement::{Placement, creep_limit};
+use super::config::{Config, Detector};
+use super::placement_number::{Placement, creep_limit};
 use super::rest::{Rest, TriadMean};
+use super::signal::Signal;
 use super::status::{State, Status};
-use super::track::{Track, Yardstick};
-use super::{Config, Detector, Signal};
+use super::time_base::Tick;
+use super::triad_track::{TriadTrack, Yardstick};
 use crate::Stamp;
 use crate::imu::{Sample, Sensor};
 
@@ -35,9 +36,9 @@ pub enum Outcome {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Segmenter {
     config: Config,
-    accelerometer: Track,
-    gyroscope: Option<Track>,
-    secondary: Vec<Track>,
+    accelerometer: TriadTrack,
+    gyroscope: Option<TriadTrack>,
+    secondary: Vec<TriadTrack>,
     phase: Phase,
     state: State,
     placement: Placement,
@@ -80,9 +81,9 @@ impl Segmenter {
             config = Config { enter: 1.0, leave: 1.0, settle_s: 0.0, min_rest_s: 0.1, ..config };
         }
         Self {
-            accelerometer: Track::new(&config, Yardstick::accelerometer(&config)),
+            accelerometer: TriadTrack::new(&config, Yardstick::accelerometer(&config)),
             gyroscope: None,
-            secondary: vec![Track::new(&config, Yardstick::None); secondary],
+            secondary: vec![TriadTrack::new(&config, Yardstick::None); secondary],
             phase: Phase::Moving,
             state: State::Unknown,
             placement: Placement::default(),
@@ -158,7 +159,7 @@ impl Segmenter {
             enter: self.config.enter,
             leave: self.config.leave,
             accel_floor: self.accelerometer.level(),
-            gyro_floor: self.gyroscope.as_ref().and_then(Track::level),
+            gyro_floor: self.gyroscope.as_ref().and_then(TriadTrack::level),
         }
     }
 
@@ -187,12 +188,12 @@ impl Segmenter {
         }
     }
 
-    fn track(&mut self, sensor: Sensor) -> Option<&mut Track> {
+    fn track(&mut self, sensor: Sensor) -> Option<&mut TriadTrack> {
         let config = &self.config;
         match sensor {
             Sensor::Accelerometer => Some(&mut self.accelerometer),
             Sensor::Gyroscope => {
-                Some(self.gyroscope.get_or_insert_with(|| Track::new(config, Yardstick::gyroscope(config))))
+                Some(self.gyroscope.get_or_insert_with(|| TriadTrack::new(config, Yardstick::gyroscope(config))))
             }
             Sensor::Secondary(i) => self.secondary.get_mut(i),
             Sensor::Reference(_) => None,
@@ -268,8 +269,8 @@ impl Segmenter {
         }
         let span = self.accelerometer.open_bounds();
         let accelerometer = self.accelerometer.close();
-        let gyroscope = self.gyroscope.as_mut().and_then(Track::close);
-        let secondary: Vec<_> = self.secondary.iter_mut().map(Track::close).collect();
+        let gyroscope = self.gyroscope.as_mut().and_then(TriadTrack::close);
+        let secondary: Vec<_> = self.secondary.iter_mut().map(TriadTrack::close).collect();
         if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
@@ -310,8 +311,8 @@ impl Segmenter {
 
     /// Deviations of accelerometer and gyroscope during a rest over their floors as they are known now.
     pub fn loudness(&self, rest: &Rest) -> (f64, f64) {
-        let over = |mean: &TriadMean, track: Option<&Track>| {
-            let floor = track.filter(|track| track.is_learned()).and_then(Track::level);
+        let over = |mean: &TriadMean, track: Option<&TriadTrack>| {
+            let floor = track.filter(|track| track.is_learned()).and_then(TriadTrack::level);
             floor.map_or(0.0, |floor| mean.deviation() / floor)
         };
         let gyroscope = rest.gyroscope.as_ref().map_or(0.0, |mean| over(mean, self.gyroscope.as_ref()));
@@ -348,7 +349,7 @@ impl Segmenter {
 
     /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
     fn is_outdated(&self) -> bool {
-        let outdated = |track: &Track| track.is_outdated(self.config.enter);
+        let outdated = |track: &TriadTrack| track.is_outdated(self.config.enter);
         outdated(&self.accelerometer) || self.gyroscope.as_ref().is_some_and(outdated)
     }
 
@@ -362,32 +363,32 @@ impl Segmenter {
 
     /// The longest time that a voting triad's window covers: motion shows in it that long ago.
     fn window_span(&self) -> Option<i64> {
-        let gyroscope = self.voting_gyroscope().and_then(Track::window_span);
+        let gyroscope = self.voting_gyroscope().and_then(TriadTrack::window_span);
         self.accelerometer.window_span().map(|span| span.max(gyroscope.unwrap_or(0)))
     }
 
     /// Since when every voting triad's window has seen nothing but quiet.
     fn window_start(&self) -> Option<Stamp> {
-        let gyroscope = self.voting_gyroscope().and_then(Track::window_start);
+        let gyroscope = self.voting_gyroscope().and_then(TriadTrack::window_start);
         self.accelerometer.window_start().max(gyroscope)
     }
 
     fn is_credible(&self) -> bool {
-        self.accelerometer.is_credible() && self.voting_gyroscope().is_none_or(Track::is_credible)
+        self.accelerometer.is_credible() && self.voting_gyroscope().is_none_or(TriadTrack::is_credible)
     }
 
-    fn voting_gyroscope(&self) -> Option<&Track> {
+    fn voting_gyroscope(&self) -> Option<&TriadTrack> {
         let now = self.accelerometer.last_stamp()?;
         self.gyroscope
             .as_ref()
             .filter(|gyroscope| gyroscope.last_stamp().is_some_and(|last| now.since(last) < GYRO_SILENCE))
     }
 
-    fn tracks(&self) -> impl Iterator<Item = &Track> {
+    fn tracks(&self) -> impl Iterator<Item = &TriadTrack> {
         std::iter::once(&self.accelerometer).chain(&self.gyroscope).chain(&self.secondary)
     }
 
-    fn tracks_mut(&mut self) -> impl Iterator<Item = &mut Track> {
+    fn tracks_mut(&mut self) -> impl Iterator<Item = &mut TriadTrack> {
         std::iter::once(&mut self.accelerometer).chain(&mut self.gyroscope).chain(&mut self.secondary)
     }
 }

@@ -1,13 +1,13 @@
 //! What the stream of one triad is like as a whole, whatever it measured. What that says about the sensor is left to the
 //! [`engine`](crate::engine).
 
-use super::Extremes;
+use super::saturation::ReadingRange;
 
 /// The character of a triad's stream so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
     /// Its lowest and highest readings.
-    pub extremes: Extremes,
+    pub extremes: ReadingRange,
     /// Smallest step between two readings of one axis, an upper bound of the resolution; `None` where nothing changed.
     pub step: Option<f64>,
     /// Standard deviation of one axis at rest, as far as it is known.

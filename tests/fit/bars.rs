@@ -9,13 +9,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use stillpoint::config::{Config, Layer};
 use stillpoint::fit::accelerometer::{self, Assumptions, Observation};
-use stillpoint::fit::{Bounds, Calibration, Estimate, Estimator, Gravity, Loss, Shape, Truth};
+use stillpoint::fit::{Bounds, Calibration, Estimate, Estimator, Gravity, Loss, Parameterisation, Truth};
 use stillpoint::run::{self, Input};
 
 const G: f64 = 9.80665;
 
 /// `None` if they do not determine the parameters.
-fn fit(observations: &[Observation], shape: Shape, gravity: f64, start: Calibration) -> Option<Estimate> {
+fn fit(observations: &[Observation], shape: Parameterisation, gravity: f64, start: Calibration) -> Option<Estimate> {
     let bounds = Bounds::default();
     let given = Assumptions {
         shape,
@@ -49,7 +49,7 @@ fn deviations(seeds: u64, visits: usize, scatter: f64) -> Vec<f64> {
                 Observation { placement: k as u32, mean, noise: Vector3::repeat(NOISE * NOISE), normal: normal_of_face }
             })
             .collect();
-        let fit = fit(&observations, Shape::DIAGONAL, G, Calibration::default()).unwrap();
+        let fit = fit(&observations, Parameterisation::DIAGONAL, G, Calibration::default()).unwrap();
         let error = fit.shape.vector(&fit.calibration()) - fit.shape.vector(&truth);
         all.extend((0..6).map(|i| error[i] / fit.std(i)));
     }
@@ -113,7 +113,7 @@ fn placements(name: &str, settings: &[&str]) -> Option<Vec<Observation>> {
 
 /// How many of the placements read a length of gravity that the fit of all others expects, and of how many: without the
 /// only one on a face the others determine nothing.
-fn expected_by_the_others(seen: &[Observation], shape: Shape, gravity: f64) -> (usize, usize) {
+fn expected_by_the_others(seen: &[Observation], shape: Parameterisation, gravity: f64) -> (usize, usize) {
     let start = fit(seen, shape, gravity, stillpoint::fit::guess(seen.iter().map(|seen| &seen.mean), gravity)).unwrap();
     let verdicts = (0..seen.len()).filter_map(|held| {
         let others: Vec<_> = seen.iter().enumerate().filter(|(i, _)| *i != held).map(|(_, seen)| *seen).collect();
@@ -142,9 +142,9 @@ fn expected_by_the_others(seen: &[Observation], shape: Shape, gravity: f64) -> (
 #[test]
 fn rests_of_real_recordings_that_a_fit_has_not_seen_read_what_it_expects() {
     let recordings = [
-        ("xsens_38_poses.ros2.mcap", Shape::TRIANGULAR, 9.81744, "fit.model=triangular"),
-        ("mpu9150_0_19_poses.ros2.mcap", Shape::TRIANGULAR, G, "fit.model=triangular"),
-        ("nilspod_six_face.ros2.mcap", Shape::DIAGONAL, G, "fit.model=bias-scale"),
+        ("xsens_38_poses.ros2.mcap", Parameterisation::TRIANGULAR, 9.81744, "fit.model=triangular"),
+        ("mpu9150_0_19_poses.ros2.mcap", Parameterisation::TRIANGULAR, G, "fit.model=triangular"),
+        ("nilspod_six_face.ros2.mcap", Parameterisation::DIAGONAL, G, "fit.model=bias-scale"),
     ];
     let (mut inside, mut all) = (0, 0);
     for (name, shape, gravity, model) in recordings {

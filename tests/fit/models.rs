@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stillpoint::engine::{Config, Engine, Message, Secondary};
 use stillpoint::fit::{
-    self, Bounds, Calibration, FaceConfig, Fixture, FixtureConfig, Loss, Model, Refit, Shape, Solid, System, Term,
-    directions, limits,
+    self, Bounds, Calibration, FaceConfig, Fixture, FixtureConfig, LinearSystem, Loss, Model, Parameterisation, Refit,
+    Solid, Term, directions, limits,
 };
 use stillpoint::imu::{Sample, SecondaryModel};
 use stillpoint::messages::triad::Status;
@@ -327,8 +327,8 @@ proptest! {
             gyro_g2_sensitivity: [-1e-4, 1e-4].into(),
             ..Bounds::default()
         };
-        let accelerometers = [Shape::DIAGONAL, Shape::TRIANGULAR, Shape::MATRIX, Shape::FULL_ACCELEROMETER];
-        let gyroscopes = [Shape::BIAS, Shape::GYROSCOPE_AT_REST, Shape::FULL_GYROSCOPE];
+        let accelerometers = [Parameterisation::DIAGONAL, Parameterisation::TRIANGULAR, Parameterisation::MATRIX, Parameterisation::FULL_ACCELEROMETER];
+        let gyroscopes = [Parameterisation::BIAS, Parameterisation::GYROSCOPE_AT_REST, Parameterisation::FULL_GYROSCOPE];
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         for shape in accelerometers.into_iter().chain(gyroscopes) {
             let limits = limits(shape, |term| match gyroscopes.contains(&shape) {
@@ -340,7 +340,7 @@ proptest! {
                 let (low, high) = (limits.0[i].max(-1.0), limits.1[i].min(1.0));
                 (low + high) / 2.0 + (high - low) * random.random_range(-1.0..1.0)
             });
-            let mut system = System::new(shape);
+            let mut system = LinearSystem::new(shape);
             let mut equations = vec![(Vec::new(), Vec::new()); 3];
             for _ in 0..16 {
                 let mut any = |most: f64| Vector3::from_fn(|_, _| random.random_range(-most..most));

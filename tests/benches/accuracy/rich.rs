@@ -10,7 +10,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use stillpoint::engine::Config;
-use stillpoint::fit::{self, Fixture, FixtureConfig, Model, Shape, Solid, Term, Truth};
+use stillpoint::fit::{self, Fixture, FixtureConfig, Model, Parameterisation, Solid, Term, Truth};
 use stillpoint::imu::Sensor;
 use stillpoint::messages::Triad;
 use stillpoint::simulate::{self, Pose, Scenario, Sensitivity, samples};
@@ -64,11 +64,11 @@ impl Rich {
         let (scenario, config) = (self.scenario(seed, scatter), self.config());
         let calibration = learn(&scenario, config)?;
         let (accelerometer, gyroscope) = match self {
-            Self::RateTable => (Shape::FULL_ACCELEROMETER, Shape::FULL_GYROSCOPE),
-            _ => (Shape::MATRIX, Shape::GYROSCOPE_AT_REST),
+            Self::RateTable => (Parameterisation::FULL_ACCELEROMETER, Parameterisation::FULL_GYROSCOPE),
+            _ => (Parameterisation::MATRIX, Parameterisation::GYROSCOPE_AT_REST),
         };
         let mut groups: [Vec<Seen>; 6] = Default::default();
-        let mut add = |first: usize, shape: Shape, triad: &Triad, sensor, truth: &simulate::Triad| {
+        let mut add = |first: usize, shape: Parameterisation, triad: &Triad, sensor, truth: &simulate::Triad| {
             let unknowns = shape.unknowns();
             let found = parameters(shape, triad)?;
             let bound = bound(shape, sensor, &scenario, truth.noise)?;
@@ -125,7 +125,7 @@ impl Rich {
 }
 
 /// In the order of the shape; none if it is another.
-fn parameters(shape: Shape, triad: &Triad) -> Option<Vec<f64>> {
+fn parameters(shape: Parameterisation, triad: &Triad) -> Option<Vec<f64>> {
     let bias = triad.bias.as_ref()?;
     let own = if shape.has(Term::Own(0, 1)) { triad.sensitivity.clone() } else { Vec::new() };
     let cross = [triad.rate_sensitivity.clone(), triad.g_sensitivity.clone(), triad.g2_sensitivity.clone()].concat();
@@ -145,7 +145,7 @@ fn value(term: Term, truth: &simulate::Triad) -> f64 {
 }
 
 /// Variances that no unbiased estimator can beat.
-fn bound(shape: Shape, sensor: Sensor, scenario: &Scenario, noise: f64) -> Option<DVector<f64>> {
+fn bound(shape: Parameterisation, sensor: Sensor, scenario: &Scenario, noise: f64) -> Option<DVector<f64>> {
     let mut information = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     for reading in samples(scenario).unwrap().filter(|reading| reading.sensor == sensor) {
         if scenario.reference.is_none() && reading.pose.is_none() {

@@ -1,4 +1,4 @@
-//! The rests that an engine remembers, with the verdict on each. How they are judged is left to `judge`.
+//! The rests that an engine remembers, with the verdict on each. How they are judged is left to `rest_judge`.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +13,14 @@ const MAX_KEPT: usize = 64;
 
 /// Rests in the order in which they ended.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Book {
-    entries: Vec<Entry>,
+pub(super) struct RestHistory {
+    entries: Vec<JudgedRest>,
     forgotten: u64,
 }
 
 /// One rest.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Entry {
+pub(super) struct JudgedRest {
     pub(super) rest: Rest,
     pub(super) verdict: Verdict,
     /// What was last said of it.
@@ -69,29 +69,29 @@ impl Verdict {
     }
 }
 
-impl Book {
+impl RestHistory {
     pub(super) fn add(&mut self, rest: Rest) {
         let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
         let seconds = rest.seconds();
-        self.entries.push(Entry { rest, verdict, told: None, count: 1, seconds });
+        self.entries.push(JudgedRest { rest, verdict, told: None, count: 1, seconds });
     }
 
     /// Takes what a triad read out of every rest; of the primary accelerometer, the rests themselves.
     pub(super) fn forget(&mut self, sensor: Sensor) {
         for entry in std::mem::take(&mut self.entries) {
-            let Entry { rest, count, .. } = entry;
+            let JudgedRest { rest, count, .. } = entry;
             match rest.without(sensor) {
-                Some(rest) => self.entries.push(Entry { rest, ..entry }),
+                Some(rest) => self.entries.push(JudgedRest { rest, ..entry }),
                 None => self.forgotten += count,
             }
         }
     }
 
-    pub(super) fn entries(&self) -> &[Entry] {
+    pub(super) fn entries(&self) -> &[JudgedRest] {
         &self.entries
     }
 
-    pub(super) fn entries_mut(&mut self) -> &mut [Entry] {
+    pub(super) fn entries_mut(&mut self) -> &mut [JudgedRest] {
         &mut self.entries
     }
 
@@ -132,7 +132,7 @@ impl Book {
     }
 }
 
-impl Entry {
+impl JudgedRest {
     /// Whether the mean of both is as long as either: of directions an angle δ apart it is shorter by δ²/8.
     fn reads_like(&self, other: &Self) -> bool {
         /// m/s²: a ten thousandth of g at most.

@@ -1,6 +1,6 @@
 //! A triad beside a reference that knows the true specific force and angular rate, in motion as at rest: normal equations
 //! in constant memory, and the estimate that they hold. Bringing both to one instant is left to
-//! [`Alignment`](super::Alignment).
+//! [`TimeInterpolation`](super::TimeInterpolation).
 //!
 //! One Gram matrix holds every regressor that any model has a term for, so that one pass serves all of them. Sums are
 //! kept in spans of the recording, all of one length, which doubles when there are too many: what is left over is seldom
@@ -9,10 +9,11 @@
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::error::Error;
 use super::estimate::{Estimate, Origin};
-use super::lsqlin::{self, lsqlin};
-use super::shape::{Shape, Term, Truth};
-use super::system::Limits;
+use super::linear_system::Limits;
+use super::lsqlin::lsqlin;
+use super::parameterisation::{Parameterisation, Term, Truth};
 
 /// Regressors: one, the own quantity, the other one, its squares.
 const REGRESSORS: usize = 10;
@@ -82,7 +83,7 @@ impl NormalEquations {
     ///
     /// # Errors
     /// If the motion does not determine them, or the solver fails.
-    pub fn solve(&self, shape: Shape, (low, high): &Limits, most: f64) -> Result<Estimate, lsqlin::Error> {
+    pub fn solve(&self, shape: Parameterisation, (low, high): &Limits, most: f64) -> Result<Estimate, Error> {
         let mut whole = Span::default();
         self.spans.iter().for_each(|span| whole.add(span));
         let unknowns = shape.unknowns();
@@ -108,23 +109,23 @@ impl NormalEquations {
             let columns: Vec<usize> = places.iter().map(|&i| column(shape.terms()[i])).collect();
             let bound = |limits: &DVector<f64>| DVector::from_iterator(places.len(), places.iter().map(|&i| limits[i]));
             let fixed = (!shape.has(Term::Own(axis, axis))).then(|| column(Term::Own(axis, axis)));
-            let line = Line::of(&whole, axis, &columns, fixed);
+            let line = AxisEquations::of(&whole, axis, &columns, fixed);
             let freedom = (whole.samples as f64 - columns.len() as f64).max(0.0);
             let Some(triangle) = line.gram.clone().cholesky() else {
-                return Err(lsqlin::Error::Singular(f64::INFINITY));
+                return Err(Error::Singular(f64::INFINITY));
             };
             let triangle = triangle.l().transpose();
-            let target = triangle.tr_solve_upper_triangular(&line.products).ok_or(lsqlin::Error::NotConverged)?;
+            let target = triangle.tr_solve_upper_triangular(&line.products).ok_or(Error::NotConverged)?;
             let solution = lsqlin(&triangle, &target, &bound(low), &bound(high))?;
             let left = line.left_over(&solution.x).max(0.0);
             squares += left;
 
             let variance = left / freedom.max(1.0);
-            let inverse = line.gram.clone().try_inverse().ok_or(lsqlin::Error::Singular(solution.condition()))?;
+            let inverse = line.gram.clone().try_inverse().ok_or(Error::Singular(solution.condition()))?;
             // Were what is left over white, each span's score would have the variance that its Gram matrix says; what it has
             // more is correlation, and counts like fewer samples.
             let scores = self.spans.iter().map(|span| {
-                let line = Line::of(span, axis, &columns, fixed);
+                let line = AxisEquations::of(span, axis, &columns, fixed);
                 let score = &line.products - &line.gram * &solution.x;
                 score.dot(&(&inverse * &score))
             });
@@ -160,13 +161,13 @@ impl Span {
 }
 
 /// The normal equations of one axis in the columns of a shape.
-struct Line {
+struct AxisEquations {
     gram: DMatrix<f64>,
     products: DVector<f64>,
     squares: f64,
 }
 
-impl Line {
+impl AxisEquations {
     /// Where the own sensitivity is none of the unknowns it is one, and its column moves to the other side.
     fn of(span: &Span, axis: usize, columns: &[usize], fixed: Option<usize>) -> Self {
         let (products, gram) = (&span.products, &span.gram);
@@ -218,9 +219,14 @@ mod tests {
     use rand_distr::StandardNormal;
 
     use super::*;
-    use crate::fit::{Bounds, Loss, System, limits};
+    use crate::fit::{Bounds, LinearSystem, Loss, limits};
 
-    const SHAPES: [Shape; 4] = [Shape::DIAGONAL, Shape::MATRIX, Shape::FULL_GYROSCOPE, Shape::GYROSCOPE_AT_REST];
+    const SHAPES: [Parameterisation; 4] = [
+        Parameterisation::DIAGONAL,
+        Parameterisation::MATRIX,
+        Parameterisation::FULL_GYROSCOPE,
+        Parameterisation::GYROSCOPE_AT_REST,
+    ];
 
     fn readings(count: usize) -> Vec<(Vector3<f64>, Truth)> {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
@@ -247,7 +253,7 @@ mod tests {
         for shape in SHAPES {
             let wide = limits(shape, |_| [f64::NEG_INFINITY, f64::INFINITY]);
             let found = sums.solve(shape, &wide, 1.0).unwrap();
-            let mut system = System::new(shape);
+            let mut system = LinearSystem::new(shape);
             for (measured, truth) in &readings {
                 for axis in 0..3 {
                     let direction = Vector3::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
@@ -264,7 +270,7 @@ mod tests {
     fn white_noise_needs_no_inflation_and_the_bars_hold_the_truth() {
         let mut sums = NormalEquations::default();
         readings(20_000).iter().for_each(|(measured, truth)| sums.push(measured, truth));
-        let shape = Shape::FULL_GYROSCOPE;
+        let shape = Parameterisation::FULL_GYROSCOPE;
         let bounds = Bounds::default();
         let found = sums.solve(shape, &limits(shape, |term| bounds.gyroscope(term)), 1.0);
         // The bounds of the configuration are tighter than this sensor: that is said, too.
@@ -286,8 +292,8 @@ mod tests {
             let truth = Truth { own: Vector3::z() * f64::from(i % 7), other: Vector3::z() * 9.8 };
             sums.push(&truth.own, &truth);
         }
-        let shape = Shape::FULL_ACCELEROMETER;
+        let shape = Parameterisation::FULL_ACCELEROMETER;
         let wide = limits(shape, |_| [f64::NEG_INFINITY, f64::INFINITY]);
-        assert!(matches!(sums.solve(shape, &wide, 1.0), Err(lsqlin::Error::Singular(_))));
+        assert!(matches!(sums.solve(shape, &wide, 1.0), Err(Error::Singular(_))));
     }
 }

@@ -1,20 +1,18 @@
-//! What an engine knows, as messages. Which of it is news is left to [`Publisher`](super::publisher::Publisher).
+//! What an engine knows, as messages. Which of it is news is left to [`ChangeGate`](super::change_gate::ChangeGate).
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::book::{Book, Entry};
-use super::solve::Solution;
-use super::words;
-use super::{Config, Secondary};
+use super::config::{Config, Secondary};
+use super::guidance;
+use super::refusal::held_back;
+use super::rest_history::{JudgedRest, RestHistory};
+use super::solution::{CONFIRMING_REPEATS, Solution};
 use crate::Stamp;
-use crate::fit::{Estimate, Fixture, Shape, Term};
+use crate::fit::{Estimate, Fixture, Parameterisation, Term};
 use crate::imu::Sensor;
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
 use crate::still::TriadMean;
-
-/// So many repeats of a face confirm a calibration.
-pub(super) const CONFIRMING_REPEATS: usize = 3;
 
 pub(super) fn header(stamp: Stamp, frame_id: &str) -> messages::Header {
     messages::Header { stamp: Some(stamp.into()), frame_id: frame_id.to_owned() }
@@ -22,11 +20,11 @@ pub(super) fn header(stamp: Stamp, frame_id: &str) -> messages::Header {
 
 pub(super) fn segment(
     header: messages::Header,
-    entry: &Entry,
+    entry: &JudgedRest,
     config: &Config,
     fixture: &Fixture,
 ) -> messages::Segment {
-    let Entry { rest, verdict, .. } = entry;
+    let JudgedRest { rest, verdict, .. } = entry;
     let secondary = rest.secondary.iter().zip(&config.secondary);
     let means = std::iter::once(("accelerometer", &rest.accelerometer))
         .chain(rest.gyroscope.as_ref().map(|mean| ("gyroscope", mean)))
@@ -49,7 +47,7 @@ pub(super) fn segment(
 
 pub(super) fn coverage(
     header: messages::Header,
-    book: &Book,
+    book: &RestHistory,
     fixture: &Fixture,
     solution: &Solution,
     obstacle: Option<String>,
@@ -76,13 +74,13 @@ pub(super) fn coverage(
     // A model that needs no faces makes up for those that are missing.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let status = accelerometer_status(solution);
-    let next_step = obstacle.unwrap_or_else(|| words::next_step(&faces, book.found(), solution, status));
+    let next_step = obstacle.unwrap_or_else(|| guidance::next_step(&faces, book.found(), solution, status));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 
 pub(super) fn calibration(
     header: messages::Header,
-    book: &Book,
+    book: &RestHistory,
     config: &Config,
     solution: &Solution,
 ) -> messages::Calibration {
@@ -108,7 +106,7 @@ pub(super) fn calibration(
 fn accelerometer_status(solution: &Solution) -> Status {
     let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
     // Beside a reference every sample can contradict.
-    let repeats = if fit.shape == Shape::FULL_ACCELEROMETER { CONFIRMING_REPEATS } else { solution.repeats };
+    let repeats = if fit.shape == Parameterisation::FULL_ACCELEROMETER { CONFIRMING_REPEATS } else { solution.repeats };
     match solution.drift.is_some() || !solution.doubts.is_empty() {
         true => Status::Provisional,
         false => status(repeats, fit),
@@ -133,18 +131,19 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     let fit = match &solution.accelerometer {
         Ok(fit) => fit,
         Err(why) => {
-            let remarks = remarks.into_iter().filter(|remark| remark != why);
-            let notes = std::iter::once(why.clone()).chain(remarks).chain(words::refused(solution));
+            let why = why.to_string();
+            let remarks = remarks.into_iter().filter(|remark| *remark != why);
+            let notes = std::iter::once(why.clone()).chain(remarks).chain(guidance::refused(solution));
             return Triad { notes: notes.collect(), ..named };
         }
     };
-    let mut notes = words::active_bounds(fit);
-    notes.extend(words::residual(fit));
+    let mut notes = held_back(fit);
+    notes.extend(guidance::residual(fit));
     notes.extend(remarks);
-    notes.extend(words::refused(solution));
-    notes.extend(words::caveats(solution, fit, config.fit.placement_std));
-    notes.extend(solution.coarse_step.map(words::coarse));
-    notes.push(words::assumed_gravity(solution.gravity));
+    notes.extend(guidance::refused(solution));
+    notes.extend(guidance::caveats(solution, fit, config.fit.placement_std));
+    notes.extend(solution.coarse_step.map(guidance::coarse));
+    notes.push(guidance::assumed_gravity(solution.gravity));
     Triad {
         status: accelerometer_status(solution).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
@@ -158,7 +157,7 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
     let named = named(&name, &topic);
     let fit = match solution.secondary.get(index) {
         Some(Ok(fit)) => fit,
-        Some(Err(why)) => return Triad { notes: vec![why.clone()], ..named },
+        Some(Err(why)) => return Triad { notes: vec![why.to_string()], ..named },
         None => return named,
     };
     Triad {
@@ -169,7 +168,7 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
         }
         .into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
-        notes: words::active_bounds(fit),
+        notes: held_back(fit),
         ..estimated(named, fit)
     }
 }
@@ -179,22 +178,22 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let notes = remarks(solution, Sensor::Gyroscope);
     let Some(fit) = &solution.gyroscope else {
         let silent = solution.placements > 0 && !config.gyroscope.is_empty();
-        let note = words::no_rates(solution.gyro_placements, solution.gyro_relaxed);
+        let note = guidance::no_rates(solution.gyro_placements, solution.gyro_relaxed);
         let note = silent.then_some(note).filter(|_| notes.is_empty());
         return Triad { notes: notes.into_iter().chain(note).collect(), ..named };
     };
     let repeats = match fit.shape {
-        Shape::FULL_GYROSCOPE => CONFIRMING_REPEATS,
+        Parameterisation::FULL_GYROSCOPE => CONFIRMING_REPEATS,
         _ => solution.gyro_placements.saturating_sub(1),
     };
-    let notes = words::active_bounds(fit).into_iter().chain(notes).collect();
+    let notes = held_back(fit).into_iter().chain(notes).collect();
     Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) }
 }
 
 /// What is suspicious about a triad.
 fn remarks(solution: &Solution, sensor: Sensor) -> Vec<String> {
-    let of_it = solution.suspicions.iter().filter(|suspicion| suspicion.sensor == sensor);
-    of_it.map(|suspicion| suspicion.text.clone()).collect()
+    let of_it = solution.faults.iter().filter(|fault| fault.sensor == sensor);
+    of_it.map(|fault| fault.text.clone()).collect()
 }
 
 fn named(sensor: &str, topic: &str) -> Triad {
@@ -216,7 +215,7 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
     }
     let cross = shape.cross(parameters).map(|cross| row_major(&cross)).unwrap_or_default();
     let squares = shape.squares(parameters).map(|squares| squares.as_slice().to_vec()).unwrap_or_default();
-    let gyroscope = matches!(*shape, Shape::GYROSCOPE_AT_REST | Shape::FULL_GYROSCOPE);
+    let gyroscope = matches!(*shape, Parameterisation::GYROSCOPE_AT_REST | Parameterisation::FULL_GYROSCOPE);
     let (g_sensitivity, rate_sensitivity) = if gyroscope { (cross, Vec::new()) } else { (Vec::new(), cross) };
     let triad = Triad {
         g_sensitivity,
@@ -245,12 +244,12 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
 }
 
 /// What the messages call a shape.
-fn model(shape: Shape) -> Model {
+fn model(shape: Parameterisation) -> Model {
     match shape {
-        Shape::BIAS => Model::Bias,
-        Shape::DIAGONAL => Model::BiasScale,
-        Shape::TRIANGULAR => Model::Triangular,
-        Shape::MATRIX | Shape::GYROSCOPE_AT_REST => Model::CrossAxis,
+        Parameterisation::BIAS => Model::Bias,
+        Parameterisation::DIAGONAL => Model::BiasScale,
+        Parameterisation::TRIANGULAR => Model::Triangular,
+        Parameterisation::MATRIX | Parameterisation::GYROSCOPE_AT_REST => Model::CrossAxis,
         _ => Model::Full,
     }
 }

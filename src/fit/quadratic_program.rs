@@ -5,17 +5,17 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::DVector;
 
-use super::lsqlin::Error;
+use super::error::Error;
 
 /// Minimise ½ xᵀ Q x + cᵀ x with A x ≤ b.
-pub(super) struct Program {
+pub(super) struct QuadraticProgram {
     quadratic: Vec<Vec<f64>>,
     linear: Vec<f64>,
     constraint: Vec<Vec<f64>>,
     limit: Vec<f64>,
 }
 
-impl Program {
+impl QuadraticProgram {
     /// Without inequalities.
     pub(super) fn new(quadratic: Vec<Vec<f64>>, linear: Vec<f64>) -> Self {
         Self { quadratic, linear, constraint: Vec::new(), limit: Vec::new() }

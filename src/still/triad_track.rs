@@ -5,11 +5,13 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::clock::{Clock, Tick};
-use super::floor::Floor;
+use super::config::{Config, Detector};
+use super::noise_floor::NoiseFloor;
 use super::rest::{Correlation, Sums, TriadMean};
+use super::saturation::ReadingRange;
+use super::signal::Signal;
+use super::time_base::{Tick, TimeBase};
 use super::window::Window;
-use super::{Config, Detector, Extremes, Signal};
 use crate::Stamp;
 use crate::imu::Sample;
 
@@ -25,8 +27,8 @@ const THESIS_WINDOW: usize = 100;
 
 /// One triad.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Track {
-    clock: Clock,
+pub(super) struct TriadTrack {
+    clock: TimeBase,
     window_nanos: f64,
     yardstick: Yardstick,
     /// Samples in a window, once the sample period is known.
@@ -39,7 +41,7 @@ pub(super) struct Track {
     open: Option<Sums>,
     /// Of the noise in all rests so far.
     correlation: Correlation,
-    extremes: Option<Extremes>,
+    extremes: Option<ReadingRange>,
     readings: u64,
     /// The sample period that the window was made for.
     sized_for: Option<i64>,
@@ -60,14 +62,14 @@ pub(super) enum Yardstick {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Quiet {
     window: Window,
-    floor: Floor,
+    floor: NoiseFloor,
     since_floor: usize,
 }
 
-impl Track {
+impl TriadTrack {
     pub(super) fn new(config: &Config, yardstick: Yardstick) -> Self {
         Self {
-            clock: Clock::new(config.gap_s),
+            clock: TimeBase::new(config.gap_s),
             window_nanos: config.window_s * 1e9,
             yardstick,
             window_size: None,
@@ -96,7 +98,7 @@ impl Track {
         self.readings += 1;
         match &mut self.extremes {
             Some(extremes) => extremes.push(&sample.value),
-            None => self.extremes = Some(Extremes::of(&sample.value)),
+            None => self.extremes = Some(ReadingRange::of(&sample.value)),
         }
         self.size_window();
         if let Some(quiet) = &mut self.quiet {
@@ -200,7 +202,7 @@ impl Track {
         })
     }
 
-    pub(super) fn clock(&self) -> &Clock {
+    pub(super) fn clock(&self) -> &TimeBase {
         &self.clock
     }
 
@@ -263,7 +265,7 @@ impl Track {
         self.window_size = Some(size);
         self.quiet = self.yardstick.ceiling().map(|ceiling| Quiet {
             window: Window::new(size),
-            floor: Floor::new(size, ceiling * 3_f64.sqrt()),
+            floor: NoiseFloor::new(size, ceiling * 3_f64.sqrt()),
             since_floor: 0,
         });
     }
@@ -314,7 +316,7 @@ mod tests {
 
     #[test]
     fn stamps_a_nanosecond_apart_and_nobody_to_commit_them_stay_within_bounds() {
-        let mut track = Track::new(&Config::default(), Yardstick::Learned { ceiling: 0.15 });
+        let mut track = TriadTrack::new(&Config::default(), Yardstick::Learned { ceiling: 0.15 });
         for nanos in 0..100_000 {
             let sample = Sample { stamp: Stamp::from_nanos(nanos), log_time: 0, value: Vector3::zeros() };
             track.tick(sample.stamp);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::TriadMean;
+use super::rest::TriadMean;
 
 /// The placement that the IMU is in.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -1,11 +1,11 @@
 //! Which of what an engine knows is news: what was published last, and by how much the rest has moved since. Putting it
-//! into messages is left to `publish`.
+//! into messages is left to `publication`.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::book::Book;
+use super::rest_history::RestHistory;
 use crate::Stamp;
-use crate::fit::{Fixture, Refit, Shape};
+use crate::fit::{Fixture, Parameterisation, Refit};
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
 
@@ -20,7 +20,7 @@ pub(super) struct Round {
 
 /// Remembers what was published.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Publisher {
+pub(super) struct ChangeGate {
     #[serde(serialize_with = "encode", deserialize_with = "decode")]
     coverage: Option<messages::Coverage>,
     #[serde(serialize_with = "encode", deserialize_with = "decode")]
@@ -29,7 +29,7 @@ pub(super) struct Publisher {
     round: Option<Stamp>,
 }
 
-impl Publisher {
+impl ChangeGate {
     /// The coverage, if it is another than before.
     pub(super) fn coverage(&mut self, coverage: messages::Coverage) -> Option<messages::Coverage> {
         let same = self.coverage.as_ref().is_some_and(|last| {
@@ -43,7 +43,7 @@ impl Publisher {
     }
 
     /// How far the round of placements is that followed the last published calibration of the accelerometer.
-    pub(super) fn round(&self, book: &Book, fixture: &Fixture, refit: Refit) -> Round {
+    pub(super) fn round(&self, book: &RestHistory, fixture: &Fixture, refit: Refit) -> Round {
         let accepted = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
         let fresh = |face: usize| {
             accepted().any(|entry| entry.verdict.face() == Some(face) && self.round < Some(entry.rest.start))
@@ -53,12 +53,12 @@ impl Publisher {
     }
 
     /// The model of the accelerometer that was published last, if that was determined.
-    pub(super) fn shape(&self) -> Option<Shape> {
+    pub(super) fn shape(&self) -> Option<Parameterisation> {
         match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
-            Model::BiasScale => Some(Shape::DIAGONAL),
-            Model::Triangular => Some(Shape::TRIANGULAR),
-            Model::CrossAxis => Some(Shape::MATRIX),
-            Model::Full => Some(Shape::FULL_ACCELEROMETER),
+            Model::BiasScale => Some(Parameterisation::DIAGONAL),
+            Model::Triangular => Some(Parameterisation::TRIANGULAR),
+            Model::CrossAxis => Some(Parameterisation::MATRIX),
+            Model::Full => Some(Parameterisation::FULL_ACCELEROMETER),
             _ => None,
         }
     }

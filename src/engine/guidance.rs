@@ -1,11 +1,11 @@
-//! What people are told.
+//! Guidance for the operator: next steps, notes and log lines.
 
-use super::Config;
-use super::book::Entry;
+use super::config::Config;
 use super::drift::Drift;
-use super::publish::CONFIRMING_REPEATS;
-use super::solve::{Missing, Solution};
-use crate::fit::{Calibration, Estimate, Gravity, Shape, Source, Term};
+use super::refusal::Refusal;
+use super::rest_history::JudgedRest;
+use super::solution::{CONFIRMING_REPEATS, Missing, Solution};
+use crate::fit::{Calibration, Estimate, Gravity, Parameterisation, Source};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
@@ -46,18 +46,18 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
 fn unconfirmed(fit: &Estimate, solution: &Solution) -> String {
     let repeats = CONFIRMING_REPEATS.saturating_sub(solution.repeats);
     match (fit.shape, repeats) {
-        (Shape::FULL_ACCELEROMETER, _) => {
+        (Parameterisation::FULL_ACCELEROMETER, _) => {
             "the readings follow the reference less evenly than noise would: check its time stamps, and that both are fixed to \
              each other"
                 .to_owned()
         }
-        (Shape::TRIANGULAR, 0) => {
+        (Parameterisation::TRIANGULAR, 0) => {
             "the rests disagree by more than placements do: let it rest in further directions, on a firm surface".to_owned()
         }
-        (Shape::TRIANGULAR, 1) => {
+        (Parameterisation::TRIANGULAR, 1) => {
             "let it rest in one more direction, so that it can confirm the calibration".to_owned()
         }
-        (Shape::TRIANGULAR, _) => {
+        (Parameterisation::TRIANGULAR, _) => {
             format!("let it rest in {repeats} more directions, so that they can confirm the calibration")
         }
         (_, 0) => "repeated placements disagree: place every face once more on a flat, firm surface".to_owned(),
@@ -126,10 +126,10 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
 }
 
 /// What keeps the accelerometer from being calibrated however many faces are shown; `None` if nothing is known to.
-pub(super) fn obstacle(solution: &Solution, entries: &[Entry]) -> Option<String> {
-    let forbidden = solution.suspicions.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
-    if let Some(suspicion) = forbidden {
-        return Some(suspicion.text.clone());
+pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest]) -> Option<String> {
+    let forbidden = solution.faults.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
+    if let Some(fault) = forbidden {
+        return Some(fault.text.clone());
     }
     if entries.iter().any(|entry| entry.verdict.is_accepted()) {
         return None;
@@ -138,23 +138,6 @@ pub(super) fn obstacle(solution: &Solution, entries: &[Entry]) -> Option<String>
     let worst = entries.iter().max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
     let count = entries.len();
     Some(format!("none of {count} rests can be used: {}", worst.verdict.explanation))
-}
-
-/// What a magnitude at rest that is not gravity may be.
-pub(super) fn not_gravity(read: f64, gravity: f64) -> String {
-    let near = |value: f64| (read / value - 1.0).abs() < 0.4;
-    let guess = if near(1.0) {
-        "it is in g: set accel = { unit = \"g\" }".to_owned()
-    } else if read < 0.6 {
-        "gravity was removed before it was recorded: record the raw accelerometer instead".to_owned()
-    } else if near(100.0 * gravity) {
-        "it is in mg or cm/s²: record it in m/s² or g".to_owned()
-    } else if read > 20.0 * gravity {
-        "are these raw counts of the converter? Record them in m/s² or g".to_owned()
-    } else {
-        format!("that is {:.2} g: is the full-scale range that its driver assumes the one that is set?", read / gravity)
-    };
-    format!("reads {read:.3} m/s² at rest, where gravity is {gravity:.2}: {guess}")
 }
 
 /// The driver changed a calibration of its own.
@@ -181,94 +164,6 @@ pub(super) fn no_rates(placements: usize, relaxed: Option<(f64, f64)>) -> String
     }
 }
 
-/// Readings that are published twice.
-pub(super) fn repeated(share: f64) -> String {
-    format!(
-        "{:.0} % of the readings repeat the one before exactly: is the topic published twice, or the driver polled faster \
-         than the sensor measures?",
-        100.0 * share
-    )
-}
-
-/// A rate that no gyroscope measures.
-pub(super) fn too_fast(peak: f64) -> String {
-    format!(
-        "peaks at {peak:.0} rad/s, faster than any gyroscope measures: it is in deg/s. Set gyro = {{ unit = \"deg/s\" }}"
-    )
-}
-
-/// It turned too far between rests.
-pub(super) fn turned_too_far() -> String {
-    "between rests gravity turned as if the rates were in deg/s: set gyro = { unit = \"deg/s\" }".to_owned()
-}
-
-/// An axis of the gyroscope that never changes.
-pub(super) fn dead_gyroscope(axis: &str) -> String {
-    format!("the {axis} axis never changes while the others do: is it dead, or not mapped?")
-}
-
-/// A bias that is taken away while the sensor rests.
-pub(super) fn relaxing(from: f64, to: f64) -> String {
-    format!(
-        "its mean relaxes towards zero at rest, from {from:.4} to {to:.4} rad/s: an estimator in the driver removes the \
-         bias as it goes. Record the raw rates, or switch it off"
-    )
-}
-
-/// Signs of the axes under which the gyroscope would explain how gravity turned.
-pub(super) fn flipped(signs: &[f64; 3]) -> String {
-    let named = |sign: f64| {
-        let axes = ["x", "y", "z"].into_iter().zip(signs);
-        axes.filter(|(_, other)| **other == sign).map(|(axis, _)| axis).collect::<Vec<_>>().join(", ")
-    };
-    let cause = match signs.iter().filter(|sign| **sign < 0.0).count() {
-        1 => format!("the gyroscope's {} axis is flipped", named(-1.0)),
-        2 => {
-            let (kept, flipped) = (named(1.0), named(-1.0));
-            format!("the accelerometer's {kept} axis is flipped (or the gyroscope's {flipped})")
-        }
-        _ => "all axes of the gyroscope are flipped".to_owned(),
-    };
-    format!("{cause}: gravity turns between rests against what the rates say. Correct the sign in the driver")
-}
-
-/// The gyroscope does not explain how gravity turned.
-pub(super) fn disagreeing(degrees: f64) -> String {
-    format!(
-        "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no flipped axis explains it: check \
-         that its axes are those of the accelerometer, its unit and its time stamps, and that no samples are missing between \
-         two poses"
-    )
-}
-
-/// A reading that the sensor cannot give.
-pub(super) fn beyond_range(peak: f64, range: f64) -> String {
-    format!(
-        "reads {peak:.0} m/s², beyond the {range:.0} m/s² that its preset can measure: is the preset the right one, and the \
-         unit m/s²?"
-    )
-}
-
-/// The accelerometer spans far more than gravity.
-pub(super) fn stretched(times: f64) -> String {
-    format!(
-        "an axis spans {times:.2} times gravity from face to face: is the full-scale range that its driver assumes the one \
-         that is set?"
-    )
-}
-
-/// The first rest reads −g on z.
-pub(super) fn inverted() -> String {
-    "the first rest reads −g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
-     rests cannot tell. The calibration holds for the readings as they are"
-        .to_owned()
-}
-
-/// Further remarks, to be put behind a sentence.
-pub(super) fn also(remarks: &[String]) -> String {
-    remarks.iter().map(|remark| format!("; {remark}")).collect()
-}
-
 /// What is left to say at the end.
 pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config) -> Vec<(Level, String)> {
     let mut said = Vec::new();
@@ -291,17 +186,9 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
     said
 }
 
-/// Parameters that the configuration's bounds hold back.
-pub(super) fn active_bounds(fit: &Estimate) -> Vec<String> {
-    let terms = fit.active.iter().filter_map(|&i| fit.shape.terms().get(i));
-    terms
-        .map(|term| format!("{} is held back by its bound: check fit.bounds and the preset", parameter(*term)))
-        .collect()
-}
-
 /// Why richer models than that of the accelerometer are none.
 pub(super) fn refused(solution: &Solution) -> Vec<String> {
-    let line = |(shape, why): &(Shape, String)| format!("{} is not determined: {why}", model(*shape));
+    let line = |(shape, why): &(Parameterisation, Refusal)| format!("{} is not determined: {why}", shape.name());
     solution.refused.iter().map(line).collect()
 }
 
@@ -311,11 +198,13 @@ pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -
     caveats.extend(solution.drift.as_ref().map(Drift::explanation));
     if fit.chi2_per_dof.is_none() {
         let seen = match fit.shape {
-            Shape::DIAGONAL | Shape::MATRIX => "with each face seen once",
+            Parameterisation::DIAGONAL | Parameterisation::MATRIX => "with each face seen once",
             _ => "with as many placements as unknowns",
         };
         let repeat = match fit.shape {
-            Shape::DIAGONAL | Shape::MATRIX => "Place every face twice, and it would be named and left out",
+            Parameterisation::DIAGONAL | Parameterisation::MATRIX => {
+                "Place every face twice, and it would be named and left out"
+            }
             _ => "Further ones would name it",
         };
         caveats.push(format!(
@@ -323,34 +212,13 @@ pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -
              {placement_std} m/s² (fit.placement_std, or the preset's). {repeat}"
         ));
     }
-    if fit.shape == Shape::DIAGONAL {
+    if fit.shape == Parameterisation::DIAGONAL {
         caveats.push(format!(
             "worst_case_error allows for cross-axis sensitivity, ± {:.1} % an entry, which faces cannot tell from tilt",
             100.0 * fit.unmodelled_std
         ));
     }
     caveats
-}
-
-/// What a model of an accelerometer is called in the configuration.
-fn model(shape: Shape) -> &'static str {
-    match shape {
-        Shape::DIAGONAL => "bias-scale",
-        Shape::TRIANGULAR => "triangular",
-        Shape::MATRIX => "cross-axis",
-        _ => "full",
-    }
-}
-
-/// What a parameter is called.
-fn parameter(term: Term) -> String {
-    let axis = |i: usize| ["x", "y", "z"].get(i).copied().unwrap_or("?");
-    match term {
-        Term::Bias(i) => format!("bias {}", axis(i)),
-        Term::Own(row, column) => format!("sensitivity {}{}", axis(row), axis(column)),
-        Term::Other(row, column) => format!("sensitivity of {} to the other sensor's {}", axis(row), axis(column)),
-        Term::Square(i) => format!("g²-sensitivity {}", axis(i)),
-    }
 }
 
 /// That the fit is the identity within its bars.

@@ -13,7 +13,7 @@ const WAITING: usize = 4096;
 
 /// Follows a reference and the triads beside it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Alignment {
+pub struct TimeInterpolation {
     /// The last four samples of the reference, oldest first.
     known: VecDeque<(Stamp, [Vector3<f64>; 2])>,
     /// Forces that wait for the rate of the same stamp, or rates for the force.
@@ -24,7 +24,7 @@ pub struct Alignment {
     gap: i64,
 }
 
-impl Alignment {
+impl TimeInterpolation {
     /// Interpolates across steps of the reference of at most `gap_s` seconds.
     pub fn new(gap_s: f64) -> Self {
         Self { gap: (gap_s * 1e9) as i64, ..Self::default() }
@@ -113,7 +113,7 @@ mod tests {
 
     /// Pairs of a triad that reads the force itself at 130 Hz beside a reference at 100 Hz without its samples in a gap.
     fn aligned(gap: std::ops::Range<i64>) -> Vec<(Vector3<f64>, [Vector3<f64>; 2])> {
-        let mut alignment = Alignment::new(0.1);
+        let mut alignment = TimeInterpolation::new(0.1);
         let mut pairs = Vec::new();
         for i in 0..13_000_i64 {
             let stamp = Stamp::from_nanos(i * 100_000);

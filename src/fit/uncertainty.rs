@@ -1,11 +1,11 @@
 //! How well the unknowns of a fit are known: placements, noise, what the model has no word for, and whatever else the
-//! fit depends on, in one covariance. What placements scatter by is left to [`Scatter`].
+//! fit depends on, in one covariance. What placements scatter by is left to [`PlacementScatter`].
 
 use nalgebra::{DMatrix, DVector};
 
-use super::scatter::{Assumed, Scatter};
-use super::shape::{Shape, Term};
-use super::system::{Row, Solved};
+use super::linear_system::{Row, Solved};
+use super::parameterisation::{Parameterisation, Term};
+use super::placement_scatter::{Assumed, PlacementScatter};
 
 /// Which equations and unknowns share a scatter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,9 +20,9 @@ pub enum Sharing {
 
 /// What the equations of a fit tell of its errors.
 #[derive(Clone, Debug)]
-pub struct Bars {
+pub struct Uncertainty {
     sharing: Sharing,
-    scatter: Vec<Scatter>,
+    scatter: Vec<PlacementScatter>,
     /// Root mean square of what is left over once the leaks are taken out, as far as they are credible; not weighted.
     pub left_rms: f64,
     /// How large the leaks are, by what is assumed and what the equations tell of them: a root mean square.
@@ -49,24 +49,24 @@ impl From<DMatrix<f64>> for Other {
 /// in three hundred thousand is taken for such.
 const CREDIBLE: f64 = 5.0;
 
-impl Bars {
+impl Uncertainty {
     /// Learns from a solution; its weights do not matter.
-    pub fn learn(shape: Shape, solved: &Solved, sharing: Sharing, assumed: Assumed) -> Self {
+    pub fn learn(shape: Parameterisation, solved: &Solved, sharing: Sharing, assumed: Assumed) -> Self {
         let blocks: Vec<_> = match sharing {
             Sharing::All => vec![solved.block(shape, None)],
             Sharing::ByAxis | Sharing::Common => (0..3).map(|axis| solved.block(shape, Some(axis))).collect(),
         };
         let scatter: Vec<_> = match sharing {
             Sharing::ByAxis => {
-                blocks.iter().map(|block| Scatter::learn(std::slice::from_ref(block), assumed)).collect()
+                blocks.iter().map(|block| PlacementScatter::learn(std::slice::from_ref(block), assumed)).collect()
             }
-            Sharing::All | Sharing::Common => vec![Scatter::learn(&blocks, assumed)],
+            Sharing::All | Sharing::Common => vec![PlacementScatter::learn(&blocks, assumed)],
         };
         let of_block = |i: usize| scatter.get(i).or(scatter.first());
         let (mut squares, mut count) = (0.0, 0);
         let mut leaks = Vec::new();
         for (i, block) in blocks.iter().enumerate() {
-            let between = of_block(i).map_or(0.0, Scatter::typical);
+            let between = of_block(i).map_or(0.0, PlacementScatter::typical);
             let leaking = block.leaking(between, assumed.leak);
             let credible = leaking.filter(|of| of.leaks.iter().all(|(leak, _)| leak.abs() <= CREDIBLE * assumed.leak));
             squares += credible.as_ref().map_or(&block.residuals, |leaking| &leaking.left).norm_squared();
@@ -91,13 +91,13 @@ impl Bars {
     /// Weighted sum of squares over its degrees of freedom, at what was assumed; `None` without redundancy.
     pub fn chi2_per_dof(&self) -> Option<f64> {
         let freedom = self.freedom();
-        let squares: f64 = self.scatter.iter().map(Scatter::squares).sum();
+        let squares: f64 = self.scatter.iter().map(PlacementScatter::squares).sum();
         (freedom >= 0.5).then(|| squares / freedom)
     }
 
     /// The degrees of freedom of that.
     pub fn freedom(&self) -> f64 {
-        self.scatter.iter().map(Scatter::freedom).sum()
+        self.scatter.iter().map(PlacementScatter::freedom).sum()
     }
 
     /// The roots of those, one for all axes or one each.
@@ -121,7 +121,7 @@ impl Bars {
 
     /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability of
     /// 95 %: Student's quantile is in it. `other` is what does not come from the equations.
-    pub fn covariance(&self, shape: Shape, solved: &Solved, other: &Other) -> DMatrix<f64> {
+    pub fn covariance(&self, shape: Parameterisation, solved: &Solved, other: &Other) -> DMatrix<f64> {
         let gain = solved.gain();
         let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + &other.covariance;
         let placements = solved.spread(&gain, Row::gain);
@@ -139,11 +139,11 @@ impl Bars {
         DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| covariance[(i, j)] * stretch[i] * stretch[j])
     }
 
-    fn of(&self, term: Term) -> &Scatter {
+    fn of(&self, term: Term) -> &PlacementScatter {
         self.of_axis(term.axis())
     }
 
-    fn of_axis(&self, axis: usize) -> &Scatter {
+    fn of_axis(&self, axis: usize) -> &PlacementScatter {
         match self.sharing {
             Sharing::All | Sharing::Common => &self.scatter[0],
             Sharing::ByAxis => &self.scatter[axis],

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
-use super::shape::{Shape, Term};
+use super::parameterisation::{Parameterisation, Term};
 
 /// Covariance of the error of a corrected reading as a function of direction: with h = (1, true specific force), entry
 /// (i, j) is `hᵀ M h` for a matrix M of each (i, j).
@@ -18,7 +18,7 @@ impl ReadingError {
     /// From the covariance of the parameters, and the standard deviations of each entry of S that the shape leaves out and
     /// of each one off the diagonal that what the triad was compared with leaves out.
     pub fn new(
-        shape: Shape,
+        shape: Parameterisation,
         covariance: &DMatrix<f64>,
         inverse: Matrix3<f64>,
         [unmodelled, inherited]: [f64; 2],
@@ -41,7 +41,7 @@ impl ReadingError {
         for (axis, column) in shape.unmodelled().filter_map(|term| place(&term)) {
             forms[axis][axis][(column, column)] += unmodelled * unmodelled;
         }
-        for (axis, column) in Shape::DIAGONAL.unmodelled().filter_map(|term| place(&term)) {
+        for (axis, column) in Parameterisation::DIAGONAL.unmodelled().filter_map(|term| place(&term)) {
             forms[axis][axis][(column, column)] += inherited * inherited;
         }
         Self { forms, inverse, gravity }
@@ -114,13 +114,13 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    use super::super::shape::Truth;
+    use super::super::parameterisation::Truth;
     use super::*;
 
     const G: f64 = 9.8;
 
     /// A covariance, and a matrix that makes its errors out of normal numbers.
-    fn any(shape: Shape, random: &mut ChaCha8Rng) -> (DMatrix<f64>, DMatrix<f64>) {
+    fn any(shape: Parameterisation, random: &mut ChaCha8Rng) -> (DMatrix<f64>, DMatrix<f64>) {
         let n = shape.unknowns();
         let root = DMatrix::from_fn(n, n, |row, _| {
             let unit = if matches!(shape.terms()[row], Term::Bias(_)) { 1.0 } else { 1.0 / G };
@@ -133,7 +133,7 @@ mod tests {
     fn no_direction_is_worse_than_the_worst() {
         let mut random = ChaCha8Rng::seed_from_u64(1);
         for round in 0..40 {
-            let shape = [Shape::DIAGONAL, Shape::TRIANGULAR, Shape::MATRIX][round % 3];
+            let shape = [Parameterisation::DIAGONAL, Parameterisation::TRIANGULAR, Parameterisation::MATRIX][round % 3];
             let (covariance, _) = any(shape, &mut random);
             let inverse = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.05 * random.sample::<f64, _>(StandardNormal));
             let error = ReadingError::new(shape, &covariance, inverse, [0.001 * (round % 2) as f64, 0.0], G);
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn the_worst_error_is_kept_to_as_often_as_it_says() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        for shape in [Shape::DIAGONAL, Shape::MATRIX] {
+        for shape in [Parameterisation::DIAGONAL, Parameterisation::MATRIX] {
             let (covariance, root) = any(shape, &mut random);
             let error = ReadingError::new(shape, &covariance, Matrix3::identity(), [0.0; 2], G);
             let bound = error.worst();

@@ -7,12 +7,12 @@
 
 use nalgebra::DVector;
 
-use super::accelerometer::{Assumptions, Line, Observation};
+use super::accelerometer::{Assumptions, MagnitudeEquation, Observation};
 use super::config::Estimator;
 use super::config::Loss;
 use super::estimate::Estimate;
-use super::shape::Shape;
-use super::system::{System, limits};
+use super::linear_system::{LinearSystem, limits};
+use super::parameterisation::Parameterisation;
 
 /// A placement that the others contradict.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +78,8 @@ pub fn contradiction(
     }
     let calibration = fit.calibration();
     let assumed = given.placement_std * given.placement_std;
-    let lines: Vec<_> = observations.iter().map(|seen| Line::of(seen, given, &calibration)).collect();
-    let mut system = System::new(given.shape);
+    let lines: Vec<_> = observations.iter().map(|seen| MagnitudeEquation::of(seen, given, &calibration)).collect();
+    let mut system = LinearSystem::new(given.shape);
     for line in &lines {
         system.push(&-line.by_measured, &line.truth, -line.residual, line.noise, assumed);
     }
@@ -89,7 +89,7 @@ pub fn contradiction(
     let trust = trust(freedom);
     // As rare as one in some ten thousand, by Student's quantiles.
     let most = 4.3 + 30.0 / (freedom + trust);
-    let candidate = |(index, line): (usize, &Line)| {
+    let candidate = |(index, line): (usize, &MagnitudeEquation)| {
         let left = solved.left[index];
         let own = 1.0 - (solved.design.row(index) * gain.column(index))[(0, 0)];
         if !is_spare(index) || own < 1e-6 {
@@ -133,7 +133,7 @@ fn trust(freedom: f64) -> f64 {
 /// Logarithm of the likelihood of the tilts that the others have by these parameters, their scatter being unknown; zero for
 /// a model that takes any direction.
 fn evenness(observations: &[Observation], given: &Assumptions<'_>, without: usize, parameters: &DVector<f64>) -> f64 {
-    if given.shape == Shape::TRIANGULAR {
+    if given.shape == Parameterisation::TRIANGULAR {
         return 0.0;
     }
     let calibration = given.shape.calibration(parameters);
@@ -176,7 +176,7 @@ mod tests {
             .collect();
         let bounds = Bounds::default();
         let given = Assumptions {
-            shape: Shape::DIAGONAL,
+            shape: Parameterisation::DIAGONAL,
             estimator: Estimator::Magnitude,
             gravity: Gravity::configured(G),
             placement_std: 0.01,

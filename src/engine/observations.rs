@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::book::Entry;
-use super::judge::{Judge, Poses};
+use super::rest_history::JudgedRest;
+use super::rest_judge::{Judge, Poses};
 use crate::Stamp;
 use crate::fit::accelerometer::Observation;
 use crate::fit::secondary::Pair;
@@ -33,7 +33,7 @@ pub(super) struct Ageing {
 }
 
 impl Ageing {
-    pub(super) fn new(entries: &[Entry], half_life: Option<f64>) -> Self {
+    pub(super) fn new(entries: &[JudgedRest], half_life: Option<f64>) -> Self {
         let latest = entries.iter().map(|entry| entry.rest.end).max().unwrap_or_default();
         Self { latest, half_life }
     }
@@ -47,7 +47,7 @@ impl Ageing {
 }
 
 /// The accepted rests, those of one placement as one observation. `step` is the accelerometer's quantisation step.
-pub(super) fn placements(entries: &[Entry], judge: &Judge<'_>, poses: Poses, step: Option<f64>) -> Vec<Placed> {
+pub(super) fn placements(entries: &[JudgedRest], judge: &Judge<'_>, poses: Poses, step: Option<f64>) -> Vec<Placed> {
     let ageing = Ageing::new(entries, judge.fit.half_life_s);
     let mut groups: BTreeMap<_, (usize, (Stamp, Stamp), Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
@@ -75,7 +75,7 @@ pub(super) fn placements(entries: &[Entry], judge: &Judge<'_>, poses: Poses, ste
 type Both<'a> = (Vec<&'a TriadMean>, Vec<&'a TriadMean>, Stamp);
 
 /// What the primary and a secondary accelerometer read on each placement, tilted ones included.
-pub(super) fn pairs(entries: &[Entry], config: &fit::Config, secondary: usize) -> Vec<Pair> {
+pub(super) fn pairs(entries: &[JudgedRest], config: &fit::Config, secondary: usize) -> Vec<Pair> {
     let ageing = Ageing::new(entries, config.half_life_s);
     let mut groups: BTreeMap<u32, Both> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_at_rest()) {
@@ -96,13 +96,13 @@ pub(super) fn pairs(entries: &[Entry], config: &fit::Config, secondary: usize) -
 }
 
 /// Whether a rest tells what the gyroscope reads at rest.
-pub(super) fn tells_of_rates(entry: &Entry, noise: f64) -> bool {
+pub(super) fn tells_of_rates(entry: &JudgedRest, noise: f64) -> bool {
     entry.verdict.is_at_rest() && entry.rest.gyroscope.is_some() && relaxed(entry, noise).is_none()
 }
 
 /// The mean rates at the ends of a rest in which the gyroscope went to zero, rad/s: a motion ended slowly, or an estimator
 /// beside it takes its bias away. What it read in between is neither.
-pub(super) fn relaxed(entry: &Entry, noise: f64) -> Option<(f64, f64)> {
+pub(super) fn relaxed(entry: &JudgedRest, noise: f64) -> Option<(f64, f64)> {
     /// Rates below this are no bias worth an estimator, rad/s.
     const LEAST: f64 = 1e-3;
     /// Fewest samples in a window.
@@ -120,7 +120,7 @@ pub(super) fn gyroscope_noise(segmenter: &Segmenter) -> f64 {
 /// What the gyroscope, whose axes have so much noise, read during each placement that tells of it, beside the specific
 /// force as far as it is known.
 pub(super) fn rates(
-    entries: &[Entry],
+    entries: &[JudgedRest],
     noise: f64,
     config: &fit::Config,
     accelerometer: Option<&Calibration>,
@@ -145,7 +145,7 @@ pub(super) fn rates(
 }
 
 /// Whether rounding to a step biases the mean of an accepted rest.
-pub(super) fn is_coarse(entries: &[Entry], step: f64) -> bool {
+pub(super) fn is_coarse(entries: &[JudgedRest], step: f64) -> bool {
     let used = entries.iter().filter(|entry| entry.verdict.is_accepted());
     used.map(|entry| rounding(&entry.rest.accelerometer, Some(step))).any(|variance| variance.max() > 0.0)
 }

@@ -1,11 +1,11 @@
 //! Equations with what a fit left over of them, and what of that the unknowns and the leaks can take up. What it says of
-//! the scatter between placements is left to [`Scatter`](super::Scatter).
+//! the scatter between placements is left to [`PlacementScatter`](super::PlacementScatter).
 
 use nalgebra::{DMatrix, DVector};
 
 /// Equations with unknowns of their own; several blocks may share a scatter.
 #[derive(Clone, Debug)]
-pub struct Block {
+pub struct ResidualBlock {
     /// By the unknowns, not weighted: equations × unknowns.
     pub design: DMatrix<f64>,
     /// By what the model has no word for: equations × leaks.
@@ -38,7 +38,7 @@ pub(super) struct Left {
     pub(super) telling: f64,
 }
 
-impl Block {
+impl ResidualBlock {
     /// What is left over once the likeliest leaks are taken out, and those; `None` where there are none.
     pub fn leaking(&self, between: f64, leak: f64) -> Option<Leaking> {
         let unknowns = self.design.ncols();
@@ -118,7 +118,7 @@ impl Block {
 }
 
 /// Harmonic mean of the noise variances over the gains.
-pub(super) fn typical_noise(blocks: &[Block]) -> f64 {
+pub(super) fn typical_noise(blocks: &[ResidualBlock]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for block in blocks {
         for (noise, gain) in block.noise.iter().zip(&block.gain) {

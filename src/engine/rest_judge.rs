@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::book::{Entry, Verdict};
-use super::words;
+use super::rest_history::{JudgedRest, Verdict};
 use crate::fit::{self, Calibration, Fixture};
 use crate::imu::Sensor;
 use crate::messages::segment::Reason;
@@ -33,7 +32,7 @@ pub(super) enum Poses {
 
 impl Judge<'_> {
     /// Faults that show whatever the orientation.
-    pub(super) fn sort_out(&self, entries: &mut [Entry]) {
+    pub(super) fn sort_out(&self, entries: &mut [JudgedRest]) {
         let usual_rate = self.usual_rate(entries);
         // A long rest is split; its last piece may be short, its placement is not.
         let mut seconds: BTreeMap<u32, f64> = BTreeMap::new();
@@ -52,8 +51,8 @@ impl Judge<'_> {
     }
 
     /// The faces of the faultless, by the accelerometer's calibration as it is known or guessed.
-    pub(super) fn assign_faces(&self, entries: &mut [Entry], calibration: &Calibration, poses: Poses) {
-        for Entry { rest, verdict, .. } in entries {
+    pub(super) fn assign_faces(&self, entries: &mut [JudgedRest], calibration: &Calibration, poses: Poses) {
+        for JudgedRest { rest, verdict, .. } in entries {
             if !verdict.is_at_rest() {
                 continue;
             }
@@ -64,7 +63,7 @@ impl Judge<'_> {
             let Some((face, tilt)) = nearest else {
                 let read = rest.accelerometer.mean.norm();
                 verdict.reason = Reason::SensorFault;
-                verdict.explanation = words::not_gravity(read, self.gravity);
+                verdict.explanation = not_gravity(read, self.gravity);
                 verdict.face = None;
                 continue;
             };
@@ -151,7 +150,7 @@ impl Judge<'_> {
 
     /// The mean rate that the most time at rest agrees on within `max_turn`: the gyroscope's bias, unless it turned
     /// steadily most of the time. Of equals the slower, since what turns turns faster.
-    fn usual_rate(&self, entries: &[Entry]) -> Option<Vector3<f64>> {
+    fn usual_rate(&self, entries: &[JudgedRest]) -> Option<Vector3<f64>> {
         let credible = entries.iter().filter(|entry| self.segmenter.is_quiet(&entry.rest));
         let rates = credible.filter_map(|entry| Some((entry.rest.gyroscope.as_ref()?.mean, entry.seconds)));
         let rates: Vec<_> = rates.filter(|(rate, _)| self.is_bias(rate)).collect();
@@ -202,4 +201,21 @@ fn frozen_axis(mean: &TriadMean, step: Option<f64>) -> Option<&'static str> {
     let alive = std.max() > 2.0 * step.unwrap_or(0.0);
     let axes = ["x", "y", "z"];
     axes.into_iter().zip(&std).find(|(_, std)| alive && **std == 0.0).map(|(axis, _)| axis)
+}
+
+/// What a magnitude at rest that is not gravity may be.
+fn not_gravity(read: f64, gravity: f64) -> String {
+    let near = |value: f64| (read / value - 1.0).abs() < 0.4;
+    let guess = if near(1.0) {
+        "it is in g: set accel = { unit = \"g\" }".to_owned()
+    } else if read < 0.6 {
+        "gravity was removed before it was recorded: record the raw accelerometer instead".to_owned()
+    } else if near(100.0 * gravity) {
+        "it is in mg or cm/s²: record it in m/s² or g".to_owned()
+    } else if read > 20.0 * gravity {
+        "are these raw counts of the converter? Record them in m/s² or g".to_owned()
+    } else {
+        format!("that is {:.2} g: is the full-scale range that its driver assumes the one that is set?", read / gravity)
+    };
+    format!("reads {read:.3} m/s² at rest, where gravity is {gravity:.2}: {guess}")
 }

@@ -4,14 +4,14 @@
 //! quantile is of white noise. The quantile taken is of all windows, 12 % of the first few and 0.1 % of a day's, and what
 //! it is of those at rest depends on how many rest: the constant correction leaves an error of some 10 %, small beside
 //! the factors that the floor is multiplied with. It needs no still start, and finds the quiet level of any recording.
-//! Whether that level is believed to be rest is left to the [`track`](super::track).
+//! Whether that level is believed to be rest is left to the [`triad_track`](super::track).
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Learns the deviation √(Σ variance of the axes) of a triad at rest.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Floor {
+pub(super) struct NoiseFloor {
     /// Degrees of freedom of one window's deviation: three axes, n − 1 each.
     freedom: f64,
     /// How many windows had a deviation in each bin.
@@ -47,7 +47,7 @@ const LEAST_QUANTILE: f64 = 0.001;
 /// One constant window in so many is a dead band or a simulation without noise, not a stream that froze for a moment.
 const DEAD_BAND: u64 = 8;
 
-impl Floor {
+impl NoiseFloor {
     /// For windows of so many samples, of a triad whose level at rest is no higher than `ceiling`.
     pub(super) fn new(window: usize, ceiling: f64) -> Self {
         Self {
@@ -166,9 +166,9 @@ mod tests {
     use crate::still::window::Window;
 
     /// Feeds white noise whose deviation is `sigma(second)`, 100 samples a second.
-    fn learn(seconds: usize, sigma: impl Fn(usize) -> f64) -> Floor {
+    fn learn(seconds: usize, sigma: impl Fn(usize) -> f64) -> NoiseFloor {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
-        let (mut floor, mut window) = (Floor::new(25, 0.15), Window::new(25));
+        let (mut floor, mut window) = (NoiseFloor::new(25, 0.15), Window::new(25));
         for i in 0..seconds * 100 {
             let mut axis = || -> f64 { StandardNormal.sample(&mut rng) };
             let value = Vector3::new(axis(), axis(), axis()) * sigma(i / 100);

@@ -4,13 +4,13 @@
 use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 
 use super::accelerometer::{Assumptions, Observation};
-use super::bars::Sharing;
+use super::error::Error;
 use super::estimate::{Estimate, Origin};
-use super::lsqlin;
+use super::linear_system::limits;
+use super::parameterisation::{Parameterisation, Truth};
+use super::placement_scatter::Assumed;
 use super::regression::{Reading, regress};
-use super::scatter::Assumed;
-use super::shape::{Shape, Truth};
-use super::system::limits;
+use super::uncertainty::Sharing;
 
 /// Residuals below this are no reason to refuse, m/s².
 const ALLOWANCE: f64 = 0.03;
@@ -20,7 +20,7 @@ const ALLOWANCE: f64 = 0.03;
 ///
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
-pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64) -> Result<Estimate, lsqlin::Error> {
+pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64) -> Result<Estimate, Error> {
     let off = (given.gravity.value * accuracy).powi(2);
     let reading = |seen: &Observation| Reading {
         mean: seen.mean,
@@ -29,7 +29,7 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64)
         truth_noise: across(&seen.normal) * off,
     };
     let readings: Vec<_> = observations.iter().map(reading).collect();
-    let shape = Shape::MATRIX;
+    let shape = Parameterisation::MATRIX;
     let bounds = limits(shape, |term| given.bounds.accelerometer(term));
     let assumed = Assumed { placement: given.placement_std, leak: 0.0 };
     let regression = regress(shape, &readings, assumed, Sharing::ByAxis, &bounds, given.loss)?;

@@ -1,5 +1,5 @@
 //! How far placements scatter beyond what noise explains, and what that leaves of any estimate's certainty. Which
-//! equations tell of it is left to the fits, and what these leave over to [`Block`].
+//! equations tell of it is left to the fits, and what these leave over to [`ResidualBlock`].
 //!
 //! Random effects: what an equation leaves over is `design · δx + leaks · c + placement + noise`. Placements scatter with
 //! a variance τ² that nobody knows, noise with one that is known, and the leaks c (the cross-axis sensitivities that the
@@ -16,8 +16,8 @@
 //! drown in noise. As they come to speak, the assumption counts as ever fewer degrees of freedom, and is forgotten once
 //! they have four: a scatter of a third of what was assumed would otherwise drown in it.
 
-use super::block::{Block, Left, typical_noise};
-use super::student::{NORMAL_95, student_95};
+use super::residual_block::{Left, ResidualBlock, typical_noise};
+use super::student_t::{NORMAL_95, student_95};
 
 /// What is assumed before the data speak, as standard deviations.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +30,7 @@ pub struct Assumed {
 
 /// What is known of the variance between placements.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scatter {
+pub struct PlacementScatter {
     /// The variance to weight with.
     typical: f64,
     /// Its mean, and the variance of it: what is not known of it.
@@ -52,7 +52,7 @@ const TRUST: f64 = 20.0;
 /// A τ of this share of what is assumed, of half of what noise may hide, and anything less, is small.
 const SMALL: f64 = 0.1;
 
-impl Scatter {
+impl PlacementScatter {
     /// What is assumed, and nothing else.
     pub fn assumed(std: f64) -> Self {
         let variance = std * std;
@@ -60,7 +60,7 @@ impl Scatter {
     }
 
     /// What the equations tell of it.
-    pub fn learn(blocks: &[Block], assumed: Assumed) -> Self {
+    pub fn learn(blocks: &[ResidualBlock], assumed: Assumed) -> Self {
         const ROUNDS: usize = 30;
         /// Of the variance: a hundredth of its uncertainty, or less.
         const NEAR: f64 = 1e-3;
@@ -211,10 +211,10 @@ mod tests {
     const ASSUMED: Assumed = Assumed { placement: 0.01, leak: 0.0 };
 
     /// `count` readings of one number about their mean.
-    fn mean_of(readings: &[f64], noise: f64) -> (Block, f64) {
+    fn mean_of(readings: &[f64], noise: f64) -> (ResidualBlock, f64) {
         let count = readings.len();
         let mean = readings.iter().sum::<f64>() / count as f64;
-        let block = Block {
+        let block = ResidualBlock {
             design: DMatrix::repeat(count, 1, 1.0),
             leaks: DMatrix::zeros(count, 0),
             residuals: DVector::from_iterator(count, readings.iter().map(|reading| reading - mean)),
@@ -232,7 +232,7 @@ mod tests {
             let readings: Vec<_> = (0..count).map(|_| placement * normal() + noise * normal()).collect();
             let (block, mean) = mean_of(&readings, noise);
             let n = count as f64;
-            mean.abs() <= NORMAL_95 * Scatter::learn(&[block], ASSUMED).std(1.0 / n, noise * noise / n, 0.0)
+            mean.abs() <= NORMAL_95 * PlacementScatter::learn(&[block], ASSUMED).std(1.0 / n, noise * noise / n, 0.0)
         });
         inside.count() as f64 / 40.0
     }
@@ -240,8 +240,8 @@ mod tests {
     #[test]
     fn without_redundancy_the_assumption_rules() {
         let (block, _) = mean_of(&[3.0], 1e-3);
-        let scatter = Scatter::learn(&[block], ASSUMED);
-        assert_eq!(scatter, Scatter::assumed(0.01));
+        let scatter = PlacementScatter::learn(&[block], ASSUMED);
+        assert_eq!(scatter, PlacementScatter::assumed(0.01));
         assert!((scatter.std(1.0, 1e-6, 0.0) - 1.01e-4_f64.sqrt()).abs() < 1e-12);
     }
 
@@ -265,7 +265,7 @@ mod tests {
     fn where_placements_dominate_the_quantile_is_students() {
         let readings: Vec<f64> = (0..9).map(|i| f64::from((i * 7) % 9) - 4.0).collect();
         let (block, _) = mean_of(&readings, 1e-4);
-        let scatter = Scatter::learn(&[block], ASSUMED);
+        let scatter = PlacementScatter::learn(&[block], ASSUMED);
         // Their variance is 7.5; 2.306 is Student's quantile for eight degrees of freedom.
         let expected = 2.306 * 7.5_f64.sqrt();
         assert!((scatter.std(1.0, 0.0, 0.0) * NORMAL_95 / expected - 1.0).abs() < 0.003, "{expected}");
@@ -275,7 +275,7 @@ mod tests {
     fn noise_is_not_counted_as_scatter() {
         let readings: Vec<_> = (0..400).map(|i| if i % 2 == 0 { 0.01 } else { -0.01 }).collect();
         let (block, _) = mean_of(&readings, 0.01);
-        assert!(Scatter::learn(&[block], ASSUMED).typical().sqrt() < 0.004);
+        assert!(PlacementScatter::learn(&[block], ASSUMED).typical().sqrt() < 0.004);
     }
 
     #[test]
@@ -285,15 +285,15 @@ mod tests {
         let leaks = DMatrix::from_fn(40, 2, |_, _| normal());
         let noise = DVector::from_fn(40, |_, _| 0.003 * normal());
         let residuals = &leaks * DVector::from_vec(vec![0.1, -0.05]) + noise;
-        let mut block = Block {
+        let mut block = ResidualBlock {
             design: DMatrix::repeat(40, 1, 1.0),
             leaks,
             residuals,
             noise: DVector::repeat(40, 1e-8),
             gain: DVector::repeat(40, 1.0),
         };
-        let typical = |block: &Block| {
-            Scatter::learn(std::slice::from_ref(block), Assumed { leak: 0.1, ..ASSUMED }).typical().sqrt()
+        let typical = |block: &ResidualBlock| {
+            PlacementScatter::learn(std::slice::from_ref(block), Assumed { leak: 0.1, ..ASSUMED }).typical().sqrt()
         };
         assert!((0.0025..0.0038).contains(&typical(&block)), "{}", typical(&block));
         block.leaks = DMatrix::zeros(40, 0);

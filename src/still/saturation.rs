@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Per axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Extremes {
+pub struct ReadingRange {
     /// Lowest readings.
     pub low: Vector3<f64>,
     /// Highest readings.
@@ -17,7 +17,7 @@ pub struct Extremes {
     pub at_high: [u64; 3],
 }
 
-impl Extremes {
+impl ReadingRange {
     /// Of one reading.
     pub fn of(value: &Vector3<f64>) -> Self {
         Self { low: *value, high: *value, at_low: [1; 3], at_high: [1; 3] }
@@ -70,9 +70,9 @@ mod tests {
 
     use super::*;
 
-    fn extremes(values: &[Vector3<f64>]) -> Option<Extremes> {
+    fn extremes(values: &[Vector3<f64>]) -> Option<ReadingRange> {
         let (first, rest) = values.split_first()?;
-        let mut extremes = Extremes::of(first);
+        let mut extremes = ReadingRange::of(first);
         rest.iter().for_each(|value| extremes.push(value));
         Some(extremes)
     }

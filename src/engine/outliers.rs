@@ -1,11 +1,11 @@
 //! Fits the primary accelerometer without the placements that contradict the others. Which do is said by
-//! [`contradiction`]; how rests are judged otherwise is left to `judge`.
+//! [`contradiction`]; how rests are judged otherwise is left to `rest_judge`.
 
 use nalgebra::DVector;
 
-use super::observe::Placed;
+use super::observations::Placed;
 use crate::fit::accelerometer::{Assumptions, Observation};
-use crate::fit::contradiction::contradiction;
+use crate::fit::outlier_test::contradiction;
 use crate::fit::{Error, Estimate, Fixture, accelerometer};
 
 /// A fit, and what had to be left out for it.

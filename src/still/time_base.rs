@@ -17,7 +17,7 @@ pub enum Tick {
 
 /// Follows the stamps of one triad.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Clock {
+pub struct TimeBase {
     gap_nanos: i64,
     last: Option<Stamp>,
     dropped: u64,
@@ -38,7 +38,7 @@ const LEAST_INTERVALS: usize = 8;
 /// So many dropped stamps in a row are a clock that was set back.
 const PATIENCE: u32 = 5;
 
-impl Clock {
+impl TimeBase {
     /// A clock that breaks at forward jumps beyond `gap_s` seconds and five sample periods.
     pub fn new(gap_s: f64) -> Self {
         Self {
@@ -145,8 +145,8 @@ mod tests {
         Stamp::from_nanos(millis * 1_000_000)
     }
 
-    fn running_at_100_hz() -> Clock {
-        let mut clock = Clock::new(0.1);
+    fn running_at_100_hz() -> TimeBase {
+        let mut clock = TimeBase::new(0.1);
         for i in 0..100 {
             assert_eq!(clock.tick(at(10 * i)), Tick::Next);
         }
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn a_slower_rate_is_learned_and_a_single_gap_is_not() {
-        let mut clock = Clock::new(0.1);
+        let mut clock = TimeBase::new(0.1);
         (0..20).for_each(|i| assert_eq!(clock.tick(at(i)), Tick::Next));
         let ticks: Vec<_> = (1..100).map(|i| clock.tick(at(20 + 200 * i))).collect();
         assert!(ticks[40..].iter().all(|tick| *tick == Tick::Next), "{ticks:?}");
@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn the_period_of_samples_in_bursts_is_their_mean_interval() {
-        let mut clock = Clock::new(0.1);
+        let mut clock = TimeBase::new(0.1);
         for i in 0..200 {
             clock.tick(Stamp::from_nanos(i / 10 * 100_000_000 + i % 10 * 100_000));
         }

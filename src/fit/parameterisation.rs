@@ -1,5 +1,5 @@
 //! What a measurement model leaves unknown: the one description that every design matrix, bound and name follows from.
-//! Solving for the unknowns is left to [`System`](super::System).
+//! Solving for the unknowns is left to [`LinearSystem`](super::LinearSystem).
 //!
 //! A triad reads `measured = bias + S · own + C · other + q ∘ other²`: `own` is the quantity that it is made for,
 //! `other` that of the sensor beside it (the rate for an accelerometer, specific force for a gyroscope), with q for a
@@ -46,6 +46,17 @@ impl Term {
         }
     }
 
+    /// What people call the parameter.
+    pub fn name(self) -> String {
+        let axis = |i: usize| ["x", "y", "z"].get(i).copied().unwrap_or("?");
+        match self {
+            Self::Bias(i) => format!("bias {}", axis(i)),
+            Self::Own(row, column) => format!("sensitivity {}{}", axis(row), axis(column)),
+            Self::Other(row, column) => format!("sensitivity of {} to the other sensor's {}", axis(row), axis(column)),
+            Self::Square(i) => format!("g²-sensitivity {}", axis(i)),
+        }
+    }
+
     /// What the parameter is multiplied with.
     pub fn regressor(self, truth: &Truth) -> f64 {
         match self {
@@ -60,11 +71,11 @@ impl Term {
 /// The parameters that a measurement model leaves free, in the order of the parameter vector: the biases, the entries of
 /// S row by row, those of C row by row, the squares. What is not free is that of a perfect sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape(&'static [Term]);
+pub struct Parameterisation(&'static [Term]);
 
 use Term::{Bias, Other, Own, Square};
 
-impl Shape {
+impl Parameterisation {
     /// Bias alone: three unknowns.
     pub const BIAS: Self = Self(&[Bias(0), Bias(1), Bias(2)]);
     /// Bias and diagonal S: six unknowns (the thesis' simplified model 2).
@@ -104,6 +115,16 @@ impl Shape {
         Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
         Square(0), Square(1), Square(2),
     ]);
+
+    /// What the configuration calls the model of an accelerometer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::DIAGONAL => "bias-scale",
+            Self::TRIANGULAR => "triangular",
+            Self::MATRIX => "cross-axis",
+            _ => "full",
+        }
+    }
 
     /// The free parameters.
     pub fn terms(self) -> &'static [Term] {
@@ -186,19 +207,19 @@ impl Shape {
 mod tests {
     use super::*;
 
-    const ALL: [Shape; 7] = [
-        Shape::BIAS,
-        Shape::DIAGONAL,
-        Shape::TRIANGULAR,
-        Shape::MATRIX,
-        Shape::GYROSCOPE_AT_REST,
-        Shape::FULL_ACCELEROMETER,
-        Shape::FULL_GYROSCOPE,
+    const ALL: [Parameterisation; 7] = [
+        Parameterisation::BIAS,
+        Parameterisation::DIAGONAL,
+        Parameterisation::TRIANGULAR,
+        Parameterisation::MATRIX,
+        Parameterisation::GYROSCOPE_AT_REST,
+        Parameterisation::FULL_ACCELEROMETER,
+        Parameterisation::FULL_GYROSCOPE,
     ];
 
     #[test]
     fn the_models_have_the_unknowns_that_the_thesis_counts() {
-        assert_eq!(ALL.map(Shape::unknowns), [3, 6, 9, 12, 15, 21, 24]);
+        assert_eq!(ALL.map(Parameterisation::unknowns), [3, 6, 9, 12, 15, 21, 24]);
     }
 
     #[test]
@@ -218,7 +239,7 @@ mod tests {
     fn a_calibration_comes_back_from_its_vector() {
         let mut calibration = Calibration { bias: Vector3::new(1.0, 2.0, 3.0), ..Calibration::default() };
         calibration.sensitivity[(1, 0)] = 0.1;
-        let shape = Shape::TRIANGULAR;
+        let shape = Parameterisation::TRIANGULAR;
         assert_eq!(shape.calibration(&shape.vector(&calibration)), calibration);
         let truth = Truth::of(Vector3::new(4.0, 5.0, 6.0));
         let linear = shape.jacobian(&truth) * shape.vector(&calibration);

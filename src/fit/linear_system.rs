@@ -1,4 +1,4 @@
-//! Weighted linear equations about the unknowns of a [`Shape`], solved within bounds. What the equations say is left to
+//! Weighted linear equations about the unknowns of a [`Parameterisation`], solved within bounds. What the equations say is left to
 //! whoever writes them: regressions, and the steps of refinements.
 //!
 //! The entries of S that the model has no word for, the leaks, are constants of the sensor, of which is assumed how large
@@ -7,11 +7,12 @@
 
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
-use super::block::Block;
 use super::config::Loss;
+use super::error::Error;
 use super::huber::{huber, weights};
-use super::lsqlin::{self, Solution, lsqlin};
-use super::shape::{Shape, Term, Truth};
+use super::lsqlin::{Solution, lsqlin};
+use super::parameterisation::{Parameterisation, Term, Truth};
+use super::residual_block::ResidualBlock;
 
 /// Lower and upper bounds of the unknowns.
 pub type Limits = (DVector<f64>, DVector<f64>);
@@ -21,8 +22,8 @@ const THRESHOLD: f64 = 1.345;
 
 /// Equations under way.
 #[derive(Clone, Debug)]
-pub struct System {
-    shape: Shape,
+pub struct LinearSystem {
+    shape: Parameterisation,
     /// Standard deviation of each leak; zero where they are none.
     leak: f64,
     /// Rows of the design, weighted, one after the other.
@@ -51,14 +52,14 @@ impl Row {
     }
 }
 
-impl System {
+impl LinearSystem {
     /// No equations yet, about a sensor without leaks.
-    pub fn new(shape: Shape) -> Self {
+    pub fn new(shape: Parameterisation) -> Self {
         Self::leaking(shape, 0.0)
     }
 
     /// No equations yet, about a sensor whose leaks have that standard deviation.
-    pub fn leaking(shape: Shape, leak: f64) -> Self {
+    pub fn leaking(shape: Parameterisation, leak: f64) -> Self {
         Self { shape, leak, design: Vec::new(), leaks: Vec::new(), targets: Vec::new(), rows: Vec::new() }
     }
 
@@ -79,7 +80,7 @@ impl System {
     ///
     /// # Errors
     /// If the equations do not determine the unknowns, the limits contradict each other, or the solver fails.
-    pub fn solve(mut self, (low, high): &Limits, loss: Loss) -> Result<Solved, lsqlin::Error> {
+    pub fn solve(mut self, (low, high): &Limits, loss: Loss) -> Result<Solved, Error> {
         let rows = self.targets.len();
         let mut design = DMatrix::from_vec(self.shape.unknowns(), rows, self.design).transpose();
         let mut leaks = DMatrix::from_vec(self.shape.unmodelled().count(), rows, self.leaks).transpose();
@@ -90,9 +91,9 @@ impl System {
             (Loss::Huber, _) => huber(&design, &targets, low, high, THRESHOLD)?,
             (Loss::Square, None) => lsqlin(&design, &targets, low, high)?,
             (Loss::Square, Some(free)) => {
-                let triangle = free.information.cholesky().ok_or(lsqlin::Error::Singular(f64::INFINITY))?.l();
+                let triangle = free.information.cholesky().ok_or(Error::Singular(f64::INFINITY))?.l();
                 let said = free.answer * &targets;
-                let target = triangle.solve_lower_triangular(&said).ok_or(lsqlin::Error::Singular(f64::INFINITY))?;
+                let target = triangle.solve_lower_triangular(&said).ok_or(Error::Singular(f64::INFINITY))?;
                 lsqlin(&triangle.transpose(), &target, low, high)?
             }
         };
@@ -171,7 +172,7 @@ impl Solved {
     }
 
     /// The equations before they were weighted: all of them, or those of one axis where each reading gave three in turn.
-    pub fn block(&self, shape: Shape, axis: Option<usize>) -> Block {
+    pub fn block(&self, shape: Parameterisation, axis: Option<usize>) -> ResidualBlock {
         let of_axis = |term: Term| axis.is_none_or(|axis| term.axis() == axis);
         let rows: Vec<_> = (0..self.rows.len()).filter(|r| axis.is_none_or(|axis| r % 3 == axis)).collect();
         let terms: Vec<_> =
@@ -182,7 +183,7 @@ impl Solved {
                 matrix[(rows[r], columns[c])] / self.rows[rows[r]].weight
             })
         };
-        Block {
+        ResidualBlock {
             design: plain(&self.design, &terms),
             leaks: plain(&self.leaks, &leaks),
             residuals: DVector::from_iterator(rows.len(), rows.iter().map(|&r| self.left[r] / self.rows[r].weight)),
@@ -193,7 +194,7 @@ impl Solved {
 }
 
 /// The limits that a function of the term says, for every unknown of a shape.
-pub fn limits(shape: Shape, of: impl Fn(Term) -> [f64; 2]) -> Limits {
+pub fn limits(shape: Parameterisation, of: impl Fn(Term) -> [f64; 2]) -> Limits {
     let side = |side: usize| DVector::from_iterator(shape.unknowns(), shape.terms().iter().map(|&term| of(term)[side]));
     (side(0), side(1))
 }

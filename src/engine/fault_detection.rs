@@ -1,0 +1,210 @@
+//! What speaks against the readings of a triad, whatever is fitted to them: each thing is said once in the log and stands
+//! in the triad's notes, and some forbid a calibration. What is wrong with a single rest is left to `rest_judge`.
+
+use super::fault::{Fault, FaultKind};
+use super::observations;
+use super::refusal::Refusal;
+use super::rest_history::JudgedRest;
+use super::solution::Solution;
+use super::turn::{Axes, Hypothesis, Turns};
+use crate::imu::{Preset, Sensor};
+use crate::still::{Segmenter, Signal};
+
+/// All that is suspicious, given what the rests seem to determine.
+pub(super) fn detect(
+    segmenter: &Segmenter,
+    entries: &[JudgedRest],
+    turns: &Turns,
+    preset: Option<Preset>,
+    solution: &Solution,
+) -> Vec<Fault> {
+    let guessed = solution.guessed;
+    let calibration = solution.accelerometer.as_ref().map_or(guessed, |fit| fit.calibration());
+    let accelerometer = segmenter.signal(Sensor::Accelerometer);
+    let gyroscope = segmenter.signal(Sensor::Gyroscope);
+    let repeated = [(Sensor::Accelerometer, accelerometer), (Sensor::Gyroscope, gyroscope)];
+    let repeated = repeated.into_iter().filter_map(|(sensor, signal)| {
+        let text = repeated_text(repeated_share(&signal?)?);
+        Some(Fault { sensor, kind: FaultKind::Repeated, text })
+    });
+    let of_gyroscope = |kind, text| Fault { sensor: Sensor::Gyroscope, kind, text };
+    let degrees = gyroscope.filter(|signal| signal.extremes.peak() > FASTEST);
+    let degrees = degrees.map(|signal| of_gyroscope(FaultKind::Degrees, too_fast_text(signal.extremes.peak())));
+    let dead = gyroscope.and_then(|signal| dead_axis(&signal));
+    let dead = dead.map(|axis| of_gyroscope(FaultKind::Dead, dead_gyroscope_text(axis)));
+    let relaxing = relaxing_rates(entries, observations::gyroscope_noise(segmenter));
+    let relaxing = relaxing.map(|(from, to)| of_gyroscope(FaultKind::Relaxing, relaxing_text(from, to)));
+    let axes = match turns.verdict(|force| calibration.correct(force)) {
+        Axes::Unknown | Axes::Agree => None,
+        Axes::Disagree(degrees) => Some(of_gyroscope(FaultKind::Disagreeing, disagreeing_text(degrees))),
+        Axes::Otherwise(Hypothesis { degrees: true, .. }) => {
+            Some(of_gyroscope(FaultKind::Degrees, turned_too_far_text()))
+        }
+        Axes::Otherwise(Hypothesis { signs, .. }) => {
+            let odd = signs.iter().product::<f64>() < 0.0;
+            let sensor = if odd { Sensor::Gyroscope } else { Sensor::Accelerometer };
+            Some(Fault { sensor, kind: FaultKind::Flipped, text: flipped_text(&signs) })
+        }
+    };
+    let of_accelerometer = |kind, text| Fault { sensor: Sensor::Accelerometer, kind, text };
+    let stretched = guessed.sensitivity.diagonal().max();
+    let stretched = (stretched > STRETCHED).then(|| of_accelerometer(FaultKind::Stretched, stretched_text(stretched)));
+    let beyond = preset.zip(accelerometer).and_then(|(preset, signal)| {
+        let (peak, range) = (signal.extremes.peak(), preset.datasheet().accelerometer.range);
+        let text = beyond_range_text(peak, range);
+        (peak > BEYOND * range).then(|| of_accelerometer(FaultKind::BeyondRange, text))
+    });
+    let inverted = entries.iter().find(|entry| entry.verdict.is_accepted()).is_some_and(|entry| {
+        let force = calibration.correct(&entry.rest.accelerometer.mean);
+        force.z < -0.9 * force.norm()
+    });
+    let inverted = inverted.then(|| of_accelerometer(FaultKind::Inverted, inverted_text()));
+    repeated
+        .chain(stretched)
+        .chain(beyond)
+        .chain(degrees.or(dead))
+        .chain(relaxing)
+        .chain(axes)
+        .chain(inverted)
+        .collect()
+}
+
+/// Takes back what must not be published.
+pub(super) fn veto(solution: &mut Solution) {
+    for fault in solution.faults.iter().filter(|fault| fault.forbids()) {
+        match fault.sensor {
+            Sensor::Accelerometer => {
+                solution.accelerometer = Err(Refusal::Fault(fault.text.clone()));
+                for secondary in &mut solution.secondary {
+                    *secondary = Err(Refusal::WaitsForPrimary);
+                }
+            }
+            Sensor::Gyroscope => solution.gyroscope = None,
+            Sensor::Secondary(i) => {
+                if let Some(secondary) = solution.secondary.get_mut(i) {
+                    *secondary = Err(Refusal::Fault(fault.text.clone()));
+                }
+            }
+            Sensor::Reference(_) => {}
+        }
+    }
+}
+
+/// A scale that is off, and a bias, take readings a little beyond the nominal range.
+const BEYOND: f64 = 1.2;
+/// No datasheet allows a scale like this.
+const STRETCHED: f64 = 1.4;
+/// Faster than any hand-sized gyroscope measures (±4000 °/s), rad/s.
+const FASTEST: f64 = 75.0;
+
+/// The part of the readings that repeat the one before, if that is more than chance makes.
+fn repeated_share(signal: &Signal) -> Option<f64> {
+    const CHANCE: f64 = 0.1;
+    const ENOUGH: u64 = 200;
+    let share = signal.repeated as f64 / signal.readings.max(1) as f64;
+    (signal.is_fine() && signal.readings > ENOUGH && share > CHANCE).then_some(share)
+}
+
+/// An axis that never changed while another moved.
+fn dead_axis(signal: &Signal) -> Option<&'static str> {
+    const ENOUGH: u64 = 100;
+    let span = (signal.extremes.high - signal.extremes.low).max();
+    let alive = signal.readings > ENOUGH && signal.step.is_some_and(|step| span > 10.0 * step);
+    let axes = ["x", "y", "z"].into_iter().enumerate();
+    axes.filter(|(i, _)| alive && signal.extremes.is_constant(*i)).map(|(_, axis)| axis).next()
+}
+
+/// The mean rates at the ends of a rest in which the gyroscope went to zero, if that is no single motion that ended slowly:
+/// an estimator that runs beside it takes its bias away while it rests.
+fn relaxing_rates(entries: &[JudgedRest], noise: f64) -> Option<(f64, f64)> {
+    const LONG: f64 = 10.0;
+    let relaxed = entries.iter().filter(|entry| entry.verdict.is_at_rest());
+    let relaxed: Vec<_> =
+        relaxed.filter_map(|entry| Some((observations::relaxed(entry, noise)?, entry.seconds))).collect();
+    let seconds: f64 = relaxed.iter().map(|(_, seconds)| seconds).sum();
+    let (ends, _) = relaxed.first()?;
+    (relaxed.len() > 1 || seconds > LONG).then_some(*ends)
+}
+
+/// Readings that are published twice.
+fn repeated_text(share: f64) -> String {
+    format!(
+        "{:.0} % of the readings repeat the one before exactly: is the topic published twice, or the driver polled faster \
+         than the sensor measures?",
+        100.0 * share
+    )
+}
+
+/// A rate that no gyroscope measures.
+fn too_fast_text(peak: f64) -> String {
+    format!(
+        "peaks at {peak:.0} rad/s, faster than any gyroscope measures: it is in deg/s. Set gyro = {{ unit = \"deg/s\" }}"
+    )
+}
+
+/// It turned too far between rests.
+fn turned_too_far_text() -> String {
+    "between rests gravity turned as if the rates were in deg/s: set gyro = { unit = \"deg/s\" }".to_owned()
+}
+
+/// An axis of the gyroscope that never changes.
+fn dead_gyroscope_text(axis: &str) -> String {
+    format!("the {axis} axis never changes while the others do: is it dead, or not mapped?")
+}
+
+/// A bias that is taken away while the sensor rests.
+fn relaxing_text(from: f64, to: f64) -> String {
+    format!(
+        "its mean relaxes towards zero at rest, from {from:.4} to {to:.4} rad/s: an estimator in the driver removes the \
+         bias as it goes. Record the raw rates, or switch it off"
+    )
+}
+
+/// Signs of the axes under which the gyroscope would explain how gravity turned.
+fn flipped_text(signs: &[f64; 3]) -> String {
+    let named = |sign: f64| {
+        let axes = ["x", "y", "z"].into_iter().zip(signs);
+        axes.filter(|(_, other)| **other == sign).map(|(axis, _)| axis).collect::<Vec<_>>().join(", ")
+    };
+    let cause = match signs.iter().filter(|sign| **sign < 0.0).count() {
+        1 => format!("the gyroscope's {} axis is flipped", named(-1.0)),
+        2 => {
+            let (kept, flipped) = (named(1.0), named(-1.0));
+            format!("the accelerometer's {kept} axis is flipped (or the gyroscope's {flipped})")
+        }
+        _ => "all axes of the gyroscope are flipped".to_owned(),
+    };
+    format!("{cause}: gravity turns between rests against what the rates say. Correct the sign in the driver")
+}
+
+/// The gyroscope does not explain how gravity turned.
+fn disagreeing_text(degrees: f64) -> String {
+    format!(
+        "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no flipped axis explains it: check \
+         that its axes are those of the accelerometer, its unit and its time stamps, and that no samples are missing between \
+         two poses"
+    )
+}
+
+/// A reading that the sensor cannot give.
+fn beyond_range_text(peak: f64, range: f64) -> String {
+    format!(
+        "reads {peak:.0} m/s², beyond the {range:.0} m/s² that its preset can measure: is the preset the right one, and the \
+         unit m/s²?"
+    )
+}
+
+/// The accelerometer spans far more than gravity.
+fn stretched_text(times: f64) -> String {
+    format!(
+        "an axis spans {times:.2} times gravity from face to face: is the full-scale range that its driver assumes the one \
+         that is set?"
+    )
+}
+
+/// The first rest reads −g on z.
+fn inverted_text() -> String {
+    "the first rest reads −g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
+     rests cannot tell. The calibration holds for the readings as they are"
+        .to_owned()
+}

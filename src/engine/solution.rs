@@ -1,0 +1,67 @@
+//! Estimates of every triad that the rests determine, with what speaks for and against them.
+
+use super::drift::Drift;
+use super::fault::Fault;
+use super::reference::Reference;
+use super::refusal::Refusal;
+use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
+
+/// So many repeats of a face confirm a calibration.
+pub(super) const CONFIRMING_REPEATS: usize = 3;
+
+/// Estimates that the rests determine, and the reasons for those that they do not.
+#[derive(Clone, Debug)]
+pub(super) struct Solution {
+    pub(super) gravity: Gravity,
+    /// Or why not.
+    pub(super) accelerometer: Result<Estimate, Refusal>,
+    /// Richer models than that of the accelerometer, and why each is none.
+    pub(super) refused: Vec<(Parameterisation, Refusal)>,
+    pub(super) gyroscope: Option<Estimate>,
+    pub(super) secondary: Vec<Result<Estimate, Refusal>>,
+    /// Accepted placements, all faces together.
+    pub(super) placements: usize,
+    /// Those that repeat what others say and so may contradict.
+    pub(super) repeats: usize,
+    /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
+    pub(super) coarse_step: Option<f64>,
+    /// Of the gyroscope's bias.
+    pub(super) gyro_placements: usize,
+    /// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s, if there was one.
+    pub(super) gyro_relaxed: Option<(f64, f64)>,
+    /// The accelerometer's calibration as it was guessed before anything was fitted.
+    pub(super) guessed: Calibration,
+    /// What speaks against the readings.
+    pub(super) faults: Vec<Fault>,
+    /// What contradicts itself and cannot be decided, in words.
+    pub(super) doubts: Vec<String>,
+    pub(super) drift: Option<Drift>,
+    /// What would determine the accelerometer if it is not.
+    pub(super) missing: Missing,
+}
+
+/// What a model of the accelerometer needs more of.
+#[derive(Clone, Debug)]
+pub(super) enum Missing {
+    /// The faces of the fixture.
+    Faces,
+    /// Any directions; the one furthest from those seen, by name.
+    Direction(String),
+    /// Motion beside the reference.
+    Motion,
+}
+
+/// Knowledge beside the rests.
+pub(super) struct Givens<'a> {
+    pub(super) gravity: Gravity,
+    /// The accelerometer's quantisation step, m/s².
+    pub(super) step: Option<f64>,
+    /// The model that was published last.
+    pub(super) kept: Option<Parameterisation>,
+    pub(super) reference: Option<&'a Reference>,
+}
+
+/// Of one axis, what is √(Σ variance) of three.
+pub(super) fn per_axis(floor: f64) -> f64 {
+    floor / 3_f64.sqrt()
+}
