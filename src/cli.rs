@@ -49,6 +49,8 @@ pub enum Command {
     Import(Import),
     /// Take the annotations out again: the original, byte for byte
     Strip(Strip),
+    /// Take back what a killed annotate --in-place left half done
+    Repair(Repair),
     /// Make a recording with known truth
     Simulate(Simulate),
     /// Show or check the configuration
@@ -92,7 +94,7 @@ pub struct Annotate {
     /// Folder to write into, under the default names; it is made if it is not there
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
-    /// Write the annotations into the recording itself; a run that is killed meanwhile is undone by the next
+    /// Write the annotations into the recording itself; after a run that is killed meanwhile, the next, or repair, puts back what was there
     #[arg(long, conflicts_with_all = ["output", "out_dir", "sidecar", "force"])]
     pub in_place: bool,
     /// Write the annotations alone, into a file that viewers show beside the recording
@@ -340,6 +342,13 @@ pub struct Strip {
     /// Wait until the output is on the device
     #[arg(long)]
     pub sync: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Repair {
+    /// The recordings, each beside the backup that says how it was
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@ mod config;
 mod export;
 mod import;
 mod progress;
+mod repair;
 mod report;
 mod shell;
 mod simulate;
@@ -18,12 +19,12 @@ mod view;
 mod watch;
 
 use std::io::{ErrorKind, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use stillpoint::Error;
 use stillpoint::config::{Config, Layer};
-use stillpoint::run::{Partial, Stop};
+use stillpoint::run::{Partial, Reads, Stop};
 
 use crate::cli::{Cli, Command, Configuration};
 
@@ -40,6 +41,7 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
         Command::Report(args) => report::run(&args, json, stop),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
+        Command::Repair(args) => repair::run(&args, json),
         Command::Strip(args) => strip::run(&args, json, stop),
         Command::Simulate(args) => simulate::run(&args, json),
         Command::Config(verb) => config::run(verb, json, stop),
@@ -99,7 +101,7 @@ fn configuration(typed: &Configuration) -> Result<Config, Error> {
 }
 
 fn layer(path: &Path) -> Result<Layer, Error> {
-    let text = std::fs::read_to_string(path);
+    let text = stillpoint::run::text(path);
     // A configuration that cannot be read is a fault of the command line, not of a recording.
     let unreadable = |source| Error::Io { doing: "read the configuration", path: path.into(), source };
     let text = text.map_err(|e| Error::Usage(unreadable(e).to_string()))?;
@@ -117,14 +119,25 @@ fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run:
 }
 
 /// Writes a text where it was asked for: a new file, or standard output. A file that says the same is left as it is.
-fn write(text: &str, output: Option<&Path>, force: bool) -> Result<(), Error> {
+fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Result<(), Error> {
     let Some(path) = output else { return print(text) };
-    let partial = Partial::create(path)?;
+    let partial = partial(path, force, reads)?;
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
     finish(partial, force)
 }
 
-/// Gives a result its name. One that exists may be the same already; any other is replaced with `force` alone.
+/// What a command reads: its inputs, and the files that its options name.
+fn reads<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, named: &[&'a Option<PathBuf>]) -> Reads {
+    Reads::of(inputs.into_iter().chain(named.iter().filter_map(|path| path.as_ref())))
+}
+
+/// A result that is to be written: what is read is never replaced, anything else with `force` alone.
+fn partial(path: &Path, force: bool, reads: &Reads) -> Result<Partial, Error> {
+    reads.refuse(path)?;
+    if force { Partial::create(path, reads) } else { Partial::create_new(path) }
+}
+
+/// Gives a result its name. One that exists may be the same already.
 fn finish(partial: Partial, force: bool) -> Result<(), Error> {
     let path = partial.target().to_owned();
     if force || path.symlink_metadata().is_err() {
@@ -138,7 +151,7 @@ fn finish(partial: Partial, force: bool) -> Result<(), Error> {
 
 /// A file of text; anything else is said to be none.
 fn text_of(path: &Path) -> Result<String, Error> {
-    std::fs::read_to_string(path).map_err(Error::io("read", path))
+    stillpoint::run::text(path).map_err(Error::io("read", path))
 }
 
 /// Prints a result on standard output. A reader that has seen enough is no error.

@@ -15,12 +15,12 @@ mod watch;
 
 pub use crate::pipeline::{Ending, News, Progress, Tell};
 pub use batch::{Form, Options, Report, annotate, calibrate};
-pub use input::{Input, Listener, Watch};
+pub use input::{Input, Listener, Watch, text};
 pub use inspect::{Channels, Found, Stories, Use, channels, findings, stories, strip};
 pub use limits::allow_many_files;
 #[cfg(feature = "live")]
 pub use live::{Live, Session};
-pub use output::{Access, Partial, Written};
+pub use output::{Access, Partial, Reads, Written, take_back};
 pub use stop::Stop;
 pub use tail::{Following, Tailed, sidecar_of, tail};
 pub use watch::{Metrics, Show, Verdict, Watching, serve, watch};

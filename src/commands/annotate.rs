@@ -11,14 +11,16 @@ use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
 use super::progress::Progress;
-use super::{Code, configuration, import, name, print_json, summary};
+use super::{Code, configuration, import, name, print_json, reads, summary};
 use crate::cli;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
+    let works = works(args)?;
+    refuse_itself(args, &works)?;
     let mut gravest = Code::Done;
-    for work in works(args)? {
+    for work in works {
         let code = match work.run(args, &config, stop) {
             Ok((report, written)) => {
                 if json {
@@ -63,6 +65,15 @@ fn works(args: &cli::Annotate) -> Result<Vec<Work<'_>>, Error> {
     Ok(inputs.zip(outputs).map(|(inputs, output)| Work { inputs, outputs: vec![output] }).collect())
 }
 
+/// Refuses outputs that are read. What is there already is compared alone, unless it is to be replaced.
+fn refuse_itself(args: &cli::Annotate, works: &[Work<'_>]) -> Result<(), Error> {
+    if args.in_place || !args.force && !args.sidecar {
+        return Ok(());
+    }
+    let reads = reads(&args.inputs, &[&args.configuration.config, &args.against.against]);
+    works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
+}
+
 /// Where the result of each input goes.
 fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
     if args.in_place {
@@ -91,11 +102,6 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
         outputs.push(output);
     }
     Ok(outputs)
-}
-
-/// Whether two paths lead to one file.
-fn is_same(a: &Path, b: &Path) -> bool {
-    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
@@ -143,9 +149,7 @@ impl Work<'_> {
         let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
         let options = Options { form, force, allow_no_imu, verify, sync };
         run::annotate(&input, &outputs, config, options, &|done| progress.watch(done)).map_err(|error| match error {
-            Error::Exists(path) if is_same(&path, self.input()) => {
-                Error::input(&path, "exists: it is the recording itself; use --in-place, or choose another name")
-            }
+            Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
             error => error,
         })
     }

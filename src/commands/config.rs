@@ -8,7 +8,7 @@ use stillpoint::report::{self, LayoutImu};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, configuration, layer, print, print_json, write};
+use super::{Code, configuration, layer, print, print_json, reads, write};
 use crate::cli;
 
 pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -38,7 +38,8 @@ fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
     if imus.is_empty() {
         return Err(Error::input(&args.input, "no usable IMU topic; see stillpoint topics"));
     }
-    write(&format!("{:#}\n", report::layout(&imus)), args.output.as_deref(), args.force)
+    let reads = reads([&args.input], &[&args.configuration.config]);
+    write(&format!("{:#}\n", report::layout(&imus)), args.output.as_deref(), args.force, &reads)
 }
 
 /// The IMUs whose accelerometer is read from a channel, each with the paths that show its axes.

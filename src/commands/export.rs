@@ -5,7 +5,7 @@ use stillpoint::report::{self, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
-use super::{Code, configuration, damaged, text_of, write};
+use super::{Code, configuration, damaged, reads, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
@@ -18,7 +18,8 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     };
     let exported = report::export(&found.imus, args.format, &options)
         .map_err(|error| Error::input(&args.input, error.to_string()))?;
-    write(&exported.text, args.output.as_deref(), args.force)?;
+    let reads = reads([&args.input], &[&args.configuration.config, &args.in_force]);
+    write(&exported.text, args.output.as_deref(), args.force, &reads)?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     found.damage.iter().for_each(|damage| tracing::warn!("damaged {damage}"));
     if found.damages > 1 {

@@ -6,7 +6,7 @@ use serde_json::json;
 use stillpoint::Error;
 use stillpoint::report::{self, Axes, Findings};
 
-use super::{Code, text_of, write};
+use super::{Code, reads, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Import) -> Result<Code, Error> {
@@ -19,7 +19,7 @@ pub fn run(args: &cli::Import) -> Result<Code, Error> {
         (imu.name, imu.topic) = (topic.clone(), topic.clone());
     }
     let text = format!("{:#}\n", json!({"imus": report::imus(&imus)}));
-    write(&text, args.output.as_deref(), args.force)?;
+    write(&text, args.output.as_deref(), args.force, &reads([&args.calibration], &[]))?;
     Ok(Code::Done)
 }
 

@@ -8,7 +8,7 @@ use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
 use super::table::Table;
-use super::{Code, configuration, damaged, import, print, print_json, summary, write};
+use super::{Code, configuration, damaged, import, print, print_json, reads, summary, write};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -27,7 +27,8 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let name = args.input.file_name().unwrap_or_default().to_string_lossy();
         let (imus, notes, settings) = (&stories.imus, &stories.notes, &stories.settings);
         let page = Page { recording: &name, stories: imus, notes, settings, earlier };
-        write(&page.html(), Some(output), args.force)?;
+        let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
+        write(&page.html(), Some(output), args.force, &reads)?;
         tracing::info!("wrote {}", output.display());
     } else if !json {
         let text: Vec<_> = stories.imus.iter().map(|story| people(story, earlier)).collect();

@@ -1,7 +1,10 @@
 //! `stillpoint completions` and `stillpoint man`: what a shell and `man` want to know of the command line.
 
+use std::path::Path;
+
 use clap::CommandFactory as _;
 use stillpoint::Error;
+use stillpoint::run::{Partial, Reads};
 
 use super::{Code, print};
 use crate::cli::{Cli, Completions, Man};
@@ -17,6 +20,20 @@ pub fn completions(args: &Completions) -> Result<Code, Error> {
 /// Writes one page for the program and one for each verb.
 pub fn man(args: &Man) -> Result<Code, Error> {
     std::fs::create_dir_all(&args.dir).map_err(Error::io("create", &args.dir))?;
-    clap_mangen::generate_to(Cli::command(), &args.dir).map_err(Error::io("write into", &args.dir))?;
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    pages(program, &args.dir)?;
     Ok(Code::Done)
+}
+
+/// The page of a command, and those of its own.
+fn pages(command: clap::Command, folder: &Path) -> Result<(), Error> {
+    for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+        pages(verb.clone(), folder)?;
+    }
+    let page = clap_mangen::Man::new(command);
+    let path = folder.join(page.get_filename());
+    let partial = Partial::create(&path, &Reads::default())?;
+    page.render(&mut partial.file()).map_err(Error::io("write", &path))?;
+    partial.finish(false)
 }

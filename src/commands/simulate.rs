@@ -5,12 +5,11 @@ use std::path::Path;
 
 use serde_json::json;
 use stillpoint::config::{Layer, overlay};
-use stillpoint::run::Partial;
 use stillpoint::simulate::{self, BUILTIN, Scenario};
 use stillpoint::{Error, Stamp};
 use tracing::info;
 
-use super::{Code, finish, name, print, print_json};
+use super::{Code, finish, name, partial, print, print_json, reads};
 use crate::cli;
 
 pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
@@ -22,7 +21,7 @@ pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
     }
     let invalid = |error: simulate::Error| Error::Usage(format!("{}: {error}", args.scenario));
     let scenario = Scenario::from_table(table).map_err(invalid)?;
-    let partial = Partial::create(output)?;
+    let partial = partial(output, args.force, &reads([&args.scenario.clone().into()], &[]))?;
     let mut file = BufWriter::new(partial.file());
     let truth = simulate::record(&scenario, &mut file).map_err(|error| match error {
         simulate::Error::Write(cause) => Error::input(output, format!("cannot write: {cause}")),

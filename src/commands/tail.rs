@@ -7,7 +7,7 @@ use stillpoint::run::{self, Ending, Following, News, Options, Stop, Written};
 
 use super::annotate::{code, default_output, result, say};
 use super::view::View;
-use super::{Code, configuration, import, print_json, stream};
+use super::{Code, configuration, import, print_json, reads, stream};
 use crate::cli;
 
 /// A recorder that writes nothing for so long is taken to be dead.
@@ -20,6 +20,9 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let file = args.input.extension().is_some_and(|ending| ending == "mcap");
     let folder = args.input.is_dir() || !args.input.exists() && !file;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, folder, None, false));
+    let reads = reads([], &[&args.configuration.config, &args.against.against]);
+    reads.refuse(&output)?;
+    reads.refuse(&run::sidecar_of(&output))?;
     let following = Following {
         poll: args.poll,
         idle: args.idle_timeout.unwrap_or(IDLE),

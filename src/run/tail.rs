@@ -4,7 +4,7 @@
 //! Everything is a function of the recording's bytes; when they come, and how often the tail is killed meanwhile, only
 //! decides when the annotations are there.
 
-mod checkpoint;
+pub(super) mod checkpoint;
 mod finish;
 mod follow;
 mod location;
@@ -26,6 +26,7 @@ use crate::pipeline::events::{Ending, News, Tell};
 use crate::run::input::growing_file::Growing;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
+use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::Appending;
 use crate::run::tail::checkpoint::{Checkpoint, Owner};
 
@@ -80,6 +81,11 @@ pub fn tail(
     tell: Tell<'_>,
 ) -> Result<Tailed, Error> {
     let sidecar = sidecar_of(output);
+    let reads = Reads::of([input]);
+    reads.refuse(&sidecar)?;
+    if following.options.force {
+        reads.refuse(output)?;
+    }
     let mut shell = Shell {
         output: output.to_owned(),
         config,
@@ -121,6 +127,9 @@ impl Shell<'_> {
             if self.appending.length() > 0 && !self.checkpoint.exists() {
                 return Err(Error::Exists(self.appending.path().to_owned()));
             }
+        }
+        if let Some(obstacle) = self.checkpoint.obstacle() {
+            tell(News::Trouble(&obstacle));
         }
         let (trail, first) = self.await_beginning(input, tell)?;
         self.follow(trail, first, tell)
@@ -219,6 +228,6 @@ impl Shell<'_> {
     }
 
     fn remove_sidecar(&mut self) -> Result<(), Error> {
-        std::fs::remove_file(self.appending.path()).map_err(Error::io("remove", self.appending.path()))
+        self.appending.remove()
     }
 }

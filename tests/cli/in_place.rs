@@ -40,11 +40,17 @@ impl Case {
         self.folder.write("x.mcap", &self.before);
     }
 
-    /// The next run repairs the file: now it is either, and nothing else is left.
+    /// Reading says what is to be done and changes nothing; then the file is either, and nothing else is left.
     fn settles(&self, what: &str) -> bool {
         let backup = self.folder.path().join(BACKUP).exists();
-        let run = self.folder.say("topics x.mcap").ok();
+        if backup {
+            let found = self.folder.read("x.mcap");
+            self.folder.refuses("topics x.mcap", 1, &["x.mcap: ", "`stillpoint repair`", "annotate --in-place"]);
+            assert!(self.folder.read("x.mcap") == found && self.folder.path().join(BACKUP).exists(), "{what}");
+        }
+        let run = self.folder.say("repair x.mcap").ok();
         assert_eq!(run.stderr.contains("taken back"), backup, "{what}: {}", run.stderr);
+        self.folder.say("topics x.mcap").ok();
         let now = self.folder.read("x.mcap");
         assert!(now == self.before || now == self.after, "{what}: {} bytes of something else", now.len());
         assert!(!self.folder.path().join(BACKUP).exists(), "{what}: the backup stays");
@@ -131,11 +137,14 @@ fn a_backup_of_something_else_is_not_used() {
     for junk in [&b"something"[..], &[7; 500], &killed_backup(&case)] {
         case.folder.write("x.mcap", &other);
         case.folder.write(BACKUP, junk);
-        for verb in ["topics", "annotate --in-place", "annotate -o out.mcap", "strip -o out.mcap"] {
+        for verb in ["annotate --in-place", "repair"] {
             case.folder.refuses(&format!("{verb} x.mcap"), 1, &["x.mcap: ", BACKUP, "is not the backup of this file"]);
         }
-        // A file that was put there whole is not in danger of being overwritten as an output, either.
-        case.folder.refuses("annotate demo.mcap -o x.mcap --force", 1, &["x.mcap: ", BACKUP]);
+        for verb in ["topics", "annotate -o out.mcap --force"] {
+            let run = case.folder.say(&format!("{verb} x.mcap --accept-damage")).ok();
+            assert!(run.stderr.contains("is not the backup of this file; it is left alone"), "{}", run.stderr);
+        }
+        assert!(case.folder.read("x.mcap") == other && case.folder.read(BACKUP) == junk);
         fs::remove_file(case.folder.path().join(BACKUP)).unwrap();
     }
 }
@@ -208,13 +217,13 @@ fn killed_or_refused_at_any_write_the_file_is_the_original_or_the_result() {
 
 #[test]
 fn killed_or_refused_at_any_system_call_the_file_is_the_original_or_the_result() {
-    const CALLS: [&str; 7] = ["openat", "write", "copy_file_range", "ftruncate", "fsync", "rename", "unlink"];
+    const CALLS: [&str; 7] = ["openat", "write", "copy_file_range", "ftruncate", "fsync", "linkat", "unlink"];
     // An error once, or from then on for good, so that taking the change back fails as well.
     const FAULTS: [(&str, &str); 3] = [("signal=KILL", ""), ("error=ENOSPC", ""), ("error=ENOSPC", "+")];
     for case in [Case::first(), Case::again()] {
         let folder = case.folder.path().canonicalize().unwrap();
         let at = |name: &str| format!("-P {} ", folder.join(name).display());
-        let paths = [at(""), at("x.mcap"), at(BACKUP), at(&format!("{BACKUP}.partial"))].concat();
+        let paths = [at(""), at("x.mcap"), at(BACKUP)].concat();
         let traced = |inject: &str| {
             case.reset();
             case.shell(&format!("strace -f -o /dev/null {paths} {inject} {}", Case::command()))

@@ -11,6 +11,7 @@ use mcap::MAGIC;
 
 use crate::Error;
 use crate::pipeline::events::Ending;
+use crate::run::input::regular;
 
 /// Of a footer record and the magic behind it: opcode, length, body, magic.
 const CLOSING: usize = 1 + 8 + 20 + 8;
@@ -49,14 +50,14 @@ pub(crate) enum Look {
 impl Growing {
     /// Opens a file; `None` while it is missing or empty.
     pub(crate) fn open(path: &Path) -> Result<Option<Self>, Error> {
-        let file = match File::open(path) {
+        let file = match regular::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) if regular::is_foreign(&error) => {
+                return Err(Error::input(path, format!("{error}; name the file that is being recorded")));
+            }
             opened => opened.map_err(Error::io("read", path))?,
         };
         let metadata = file.metadata().map_err(Error::io("read", path))?;
-        if !metadata.is_file() {
-            return Err(Error::input(path, "is not a regular file; name the file that is being recorded"));
-        }
         let (id, length, written) = (id(&metadata), metadata.len(), written(&metadata));
         Ok((length > 0).then(|| Self { path: path.to_owned(), file, id, length, written, known: (0, Vec::new()) }))
     }

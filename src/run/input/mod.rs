@@ -3,8 +3,10 @@
 pub(crate) mod growing_file;
 mod prefetch;
 pub(crate) mod recording;
+pub(crate) mod regular;
 pub(crate) mod rosbag2;
 pub(crate) mod splits;
 
 pub use recording::{Listener, Watch};
+pub use regular::text;
 pub use splits::Input;

@@ -47,10 +47,6 @@ impl Recording {
     }
 
     fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
-        let metadata = std::fs::metadata(path).map_err(Error::io("read", path))?;
-        if !metadata.is_file() {
-            return Err(Error::input(path, "is not a regular file; save it as one first"));
-        }
         let file = in_place::open(path, access)?;
         let state = state(&file).map_err(Error::io("read", path))?;
         Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })

@@ -3,12 +3,12 @@
 
 mod metadata;
 
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use mcap::MAGIC;
 
+use super::regular;
 use crate::Error;
 use crate::record::Topic;
 pub(crate) use metadata::Contents;
@@ -124,7 +124,7 @@ pub(crate) fn is_blank(file: &Path) -> bool {
         return false;
     }
     let mut magic = [0; MAGIC.len()];
-    match File::open(file).and_then(|mut file| file.read_exact(&mut magic)) {
+    match regular::open(file).and_then(|mut file| file.read_exact(&mut magic)) {
         Ok(()) => magic != *MAGIC,
         Err(error) => error.kind() == io::ErrorKind::UnexpectedEof,
     }
@@ -132,7 +132,7 @@ pub(crate) fn is_blank(file: &Path) -> bool {
 
 fn read(folder: &Path, name: &str) -> Result<Metadata, Error> {
     let path = folder.join(name);
-    let text = std::fs::read_to_string(&path).map_err(Error::io("read", &path))?;
+    let text = regular::text(&path).map_err(Error::io("read", &path))?;
     let refused = |why| Error::input(folder, format!("no rosbag2 recording that can be read: {why}"));
     Metadata::parse(text).map_err(refused)
 }

@@ -9,6 +9,7 @@ use crate::record::{Damage, Event};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::output::in_place::Access;
+use crate::run::output::reads::Reads;
 
 /// A recording: the files that it consists of, its splits, in the order of time.
 #[derive(Debug)]
@@ -123,6 +124,12 @@ impl Input {
     /// Its files, without those in which nothing was recorded.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.splits.iter().map(Recording::path)
+    }
+
+    /// What must not become an output of it.
+    pub fn reads(&self) -> Reads {
+        let folder = self.bag.iter().map(Bag::folder);
+        Reads::of(self.splits.iter().map(Recording::path).chain(folder).chain([self.path()]))
     }
 
     /// Names of the files of it in which nothing was recorded, and what is wrong with them.

@@ -20,10 +20,11 @@ const COPY: u64 = 64 << 20;
 /// If the recording cannot be read or the output cannot be written; nothing is left behind.
 pub fn strip(input: &Input, output: &Path, force: bool, sync: bool, watch: Watch<'_>) -> Result<Written, Error> {
     let Some(bag) = &input.bag else {
-        let copies = input.splits.iter().map(|split| copy(split, Output::open(output, force)?, sync, watch));
+        let reads = input.reads();
+        let copies = input.splits.iter().map(|split| copy(split, Output::open(output, force, &reads)?, sync, watch));
         return copies.last().unwrap_or(Ok(Written::Before));
     };
-    let folder = Folder::open(output, force)?;
+    let folder = Folder::open(output, force, input.reads())?;
     let mut done = 0;
     for (split, name) in input.splits.iter().zip(bag.names()) {
         copy(split, folder.output(name)?, sync, &|at| watch(done + at))?;

@@ -14,6 +14,7 @@ use crate::record::Piece;
 use crate::run::input::recording::Recording;
 use crate::run::output::in_place::{self, Access};
 use crate::run::output::partial::{Partial, is_end};
+use crate::run::output::reads::Reads;
 use crate::run::output::spill::Spill;
 
 /// Large enough for the kernel, small enough to stop between two (64 MiB).
@@ -50,8 +51,8 @@ impl Written {
 }
 
 impl Output {
-    /// The output of that name. One that exists is replaced with `force`, and compared without.
-    pub(crate) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+    /// The output of that name. One that exists is replaced with `force`, unless it is read, and compared without.
+    pub(crate) fn open(path: &Path, force: bool, reads: &Reads) -> Result<Self, Error> {
         let medium = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => {
                 return Err(Error::input(path, "is a folder; name a file with -o or use --out-dir"));
@@ -59,11 +60,11 @@ impl Output {
             Ok(metadata) if !metadata.is_file() => return Err(Error::input(path, "is not a regular file")),
             Ok(_) => {
                 let existing = in_place::open(path, Access::Read)?;
-                if force { Medium::New(Partial::create(path)?) } else { Medium::Existing(existing, 0) }
+                if force { Medium::New(Partial::create(path, reads)?) } else { Medium::Existing(existing, 0) }
             }
             // A link that leads nowhere.
             Err(_) if !force && path.symlink_metadata().is_ok() => return Err(Error::Exists(path.to_owned())),
-            Err(_) if force => Medium::New(Partial::create(path)?),
+            Err(_) if force => Medium::New(Partial::create(path, reads)?),
             Err(_) => Medium::New(Partial::create_new(path)?),
         };
         Ok(Self { path: path.to_owned(), medium })

@@ -1,7 +1,7 @@
 //! A folder as a result: written under another name and renamed when all in it is whole, or compared with the one that
 //! is there. What is written into it is left to the caller.
 
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -9,9 +9,11 @@ use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
 use crate::Error;
+use crate::run::input::regular;
 use crate::run::input::rosbag2::{self, Bag};
 use crate::run::output::file::{Output, Written};
-use crate::run::output::partial::{Partial, sync_folder};
+use crate::run::output::partial::{Partial, folder_beside, rename_new, sync_folder};
+use crate::run::output::reads::Reads;
 
 /// A folder that is to be the result.
 #[derive(Debug)]
@@ -19,12 +21,15 @@ pub(crate) struct Folder {
     path: PathBuf,
     /// Where it is written, and what keeps others from doing so; nowhere if it is there already.
     new: Option<(PathBuf, File)>,
+    /// Whether one that has the name is replaced.
+    replaces: bool,
+    reads: Reads,
     finished: bool,
 }
 
 impl Folder {
     /// The folder of that name. One that exists is replaced with `force`, and compared without.
-    pub(crate) fn open(path: &Path, force: bool) -> Result<Self, Error> {
+    pub(crate) fn open(path: &Path, force: bool, reads: Reads) -> Result<Self, Error> {
         let exists = path.symlink_metadata().is_ok();
         if exists && !path.is_dir() {
             return Err(Error::input(path, "is a file, but the result is a folder; choose another name"));
@@ -32,8 +37,14 @@ impl Folder {
         if exists && force && !is_recording(path) {
             return Err(Error::input(path, "holds more than a recording; choose another name"));
         }
-        let new = if exists && !force { None } else { Some(create(path)?) };
-        Ok(Self { path: path.to_owned(), new, finished: false })
+        if force {
+            reads.refuse(path)?;
+        }
+        let new = match exists && !force {
+            true => None,
+            false => Some(folder_beside(path).map_err(Error::io("write", path))?),
+        };
+        Ok(Self { path: path.to_owned(), new, replaces: force, reads, finished: false })
     }
 
     fn place(&self) -> &Path {
@@ -44,7 +55,7 @@ impl Folder {
     pub(crate) fn output(&self, name: &str) -> Result<Output, Error> {
         let path = self.place().join(name);
         match self.new.is_some() || path.exists() {
-            true => Output::open(&path, self.new.is_some()),
+            true => Output::open(&path, self.new.is_some(), &self.reads),
             false => Err(Error::Exists(self.path.clone())),
         }
     }
@@ -53,7 +64,7 @@ impl Folder {
     pub(crate) fn put(&self, name: &str, text: &str, sync: bool) -> Result<(), Error> {
         let path = self.place().join(name);
         if self.new.is_some() {
-            return write(&path, text, sync);
+            return write(Partial::create_new(&path)?, text, sync);
         }
         match std::fs::read(&path) {
             Ok(found) if found == text.as_bytes() => Ok(()),
@@ -65,9 +76,10 @@ impl Folder {
     pub(crate) fn copy(&self, bag: &Bag, name: &str, sync: bool) -> Result<(), Error> {
         let (from, path) = (bag.folder().join(name), self.place().join(name));
         if self.new.is_some() {
-            std::fs::copy(&from, &path).map_err(Error::io("write", &path))?;
-            let synced = if sync { File::open(&path).and_then(|file| file.sync_all()) } else { Ok(()) };
-            return synced.map_err(Error::io("write", &path));
+            let copy = Partial::create_new(&path)?;
+            let mut source = regular::open(&from).map_err(Error::io("read", &from))?;
+            std::io::copy(&mut source, &mut copy.file()).map_err(Error::io("write", &path))?;
+            return copy.finish(sync);
         }
         let length = |path: &Path| std::fs::metadata(path).map(|metadata| metadata.len());
         match (length(&from), length(&path)) {
@@ -83,11 +95,15 @@ impl Folder {
         if sync {
             File::open(place).and_then(|folder| folder.sync_all()).map_err(refused)?;
         }
-        if self.path.exists() {
-            self.replace(place)?;
-        } else {
-            std::fs::rename(place, &self.path).map_err(refused)?;
-            self.finished = true;
+        match rename_new(place, &self.path) {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && self.replaces => self.replace(place)?,
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                return Err(Error::Exists(self.path.clone()));
+            }
+            named => {
+                named.map_err(refused)?;
+                self.finished = true;
+            }
         }
         if sync {
             sync_folder(&self.path).map_err(refused)?;
@@ -101,7 +117,9 @@ impl Folder {
         let refused = |e| Error::io("write", &self.path)(e);
         let listed = rosbag2::listed(&self.path).unwrap_or_default();
         for entry in std::fs::read_dir(&self.path).map_err(refused)? {
-            let name = entry.map_err(refused)?.file_name();
+            let entry = entry.map_err(refused)?;
+            self.reads.refuse(&entry.path())?;
+            let name = entry.file_name();
             let name = name.to_string_lossy();
             let belongs = place.join(&*name).exists() || listed.iter().any(|known| *known == name);
             if !belongs && !name.ends_with(".partial") {
@@ -113,7 +131,7 @@ impl Folder {
             // Not every file system knows how.
             Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
                 let aside = with_suffix(&self.path, ".replaced");
-                std::fs::rename(&self.path, &aside).map_err(Error::io("write", &aside))?;
+                rename_new(&self.path, &aside).map_err(Error::io("write", &aside))?;
                 std::fs::rename(place, &self.path).map_err(refused)?;
                 std::fs::rename(&aside, place).map_err(refused)
             }
@@ -134,36 +152,9 @@ impl Drop for Folder {
 }
 
 /// Writes a small file, whole or not at all.
-pub(crate) fn write(path: &Path, text: &str, sync: bool) -> Result<(), Error> {
-    let partial = Partial::create(path)?;
-    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
+pub(crate) fn write(partial: Partial, text: &str, sync: bool) -> Result<(), Error> {
+    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", partial.target()))?;
     partial.finish(sync)
-}
-
-/// An empty folder beside `path`, locked. One that a killed run left is taken over.
-fn create(path: &Path) -> Result<(PathBuf, File), Error> {
-    let place = with_suffix(path, ".partial");
-    let refused = |e| Error::io("write", path)(e);
-    loop {
-        match std::fs::create_dir(&place) {
-            Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => return Err(refused(e)),
-            _ => {}
-        }
-        let Ok(lock) = File::open(&place) else { continue };
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
-            Err(TryLockError::Error(error)) => return Err(refused(error)),
-        }
-        // Its last owner may have renamed or removed it between our opening and locking it.
-        if !crate::run::output::partial::same_file(&lock, &place) {
-            continue;
-        }
-        for entry in std::fs::read_dir(&place).map_err(refused)? {
-            std::fs::remove_file(entry.map_err(refused)?.path()).map_err(refused)?;
-        }
-        return Ok((place, lock));
-    }
 }
 
 /// Whether there is nothing in a folder but what rosbag2 and we put there.

@@ -7,34 +7,41 @@
 //! The beginning of the file stays; what follows byte `from` is replaced. Beside `FILE` stands `FILE.stillpoint-backup`
 //! from before the first changed byte until after the last one is on the device:
 //!
-//! 1. The backup (where the change begins, the old length, the old bytes from there on, checksums) is written under
-//!    another name, synced, renamed, and its folder synced. From here on, the old file can be had back.
+//! 1. The backup (of which file, where the change begins, the old length, the old bytes from there on, checksums) is
+//!    written without a name, synced, named, and its folder synced. From here on, the old file can be had back.
 //! 2. The new bytes are written over the old, the length is set, the file is synced.
 //! 3. The backup is removed: **the commit**. Its folder is synced, so that it does not come back after a power failure.
 //!
-//! A backup that is found without anybody at work says that a run died between 1 and 3; whoever opens the file next
-//! takes the change back. That too can be killed at any time, since it only ever writes what the backup says. An error
-//! within step 2, a full disk above all, is answered in the same way at once: the old bytes need no room that the file
-//! did not have.
+//! A backup that is found without anybody at work says that a run died between 1 and 3. Who only reads says so and
+//! changes nothing; who opens the file to change it takes the change back first. That too can be killed at any time,
+//! since it only ever writes what the backup says. An error within step 2, a full disk above all, is answered in the same
+//! way at once: the old bytes need no room that the file did not have.
+//!
+//! Anybody may put a file of that name beside a recording. A backup counts if it is a regular file under this one name,
+//! made by us or by who owns the recording, and tells the recording's own number (inode) and what precedes the change in
+//! it; the change never begins in front of the first record. Any other is left alone: reading goes on as if it were not
+//! there, and changing is refused, since its name is needed.
 //!
 //! Who is at work is told by `flock`, which the system releases when a process dies: one process may change the file, or
 //! any number may read it. The file stays the same inode, so that owner, mode and extended attributes stay; one with
-//! further names (hard links) is refused, since a repair could not be found from them. The backup belongs to the name
-//! beside which it stands; its checksum over what precedes the change tells if another file was put there since.
+//! further names (hard links) is refused, since a repair could not be found from them.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::ops::Range;
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
+use mcap::MAGIC as MCAP;
+
 use crate::Error;
+use crate::run::input::regular;
 use crate::run::output::partial::{Partial, sync_folder};
 
 /// What a backup begins with; another layout gets another number.
-const MAGIC: &[u8; 16] = b"stillpointback01";
-/// Of magic, place of the change, old length, three checksums.
-const HEAD: usize = 16 + 8 + 8 + 4 + 4 + 4;
+const MAGIC: &[u8; 16] = b"stillpointback02";
+/// Of magic, number of the file, place of the change, old length, three checksums.
+const HEAD: usize = 16 + 8 + 8 + 8 + 4 + 4 + 4;
 /// How much of what precedes the change is in the checksum, at either end (64 KiB).
 const PRECEDING: u64 = 1 << 16;
 const BLOCK: usize = 1 << 20;
@@ -48,45 +55,74 @@ pub enum Access {
     Change,
 }
 
-/// Opens a file, after taking back what a killed run left half done. It stays locked until it is closed.
+/// Opens a file; to be changed, after taking back what a killed run left half done. It stays locked until it is closed.
 ///
 /// # Errors
 ///
-/// If the system refuses, if another process is at work on it, or if it cannot be repaired.
+/// If it is no regular file, the system refuses, another process is at work on it, it is to be read and a killed run left
+/// it half changed, or it cannot be repaired.
 pub(crate) fn open(path: &Path, access: Access) -> Result<File, Error> {
     match access {
         Access::Read => {
-            let file = File::open(path).map_err(Error::io("read", path))?;
-            if file.metadata().is_ok_and(|metadata| metadata.is_file()) {
-                // Where locks are unknown, nobody changes a file in place either.
-                if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
-                    return Err(Error::Busy(path.to_owned()));
+            let file = regular::open(path).map_err(|error| unreadable(path, error))?;
+            // Where locks are unknown, nobody changes a file in place either.
+            if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
+                return Err(Error::Busy(path.to_owned()));
+            }
+            match Backup::find(&file, path)? {
+                None => {}
+                Some(Ok(_)) => {
+                    let why = "a run was killed while it changed this file; `stillpoint repair` takes the change back, \
+                               `stillpoint annotate --in-place` does it anew";
+                    return Err(Error::input(path, why));
                 }
-                if backup_of(path).is_some_and(|backup| backup.exists()) {
-                    drop(file);
-                    drop(open(path, Access::Change)?);
-                    return open(path, Access::Read);
-                }
+                Some(Err(why)) => tracing::warn!("{why}; it is left alone"),
             }
             Ok(file)
         }
         Access::Change => {
-            let refused = |e| Error::io("change", path)(e);
-            let file = OpenOptions::new().read(true).write(true).open(path).map_err(refused)?;
-            match file.try_lock() {
-                Ok(()) => {}
-                Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
-                Err(TryLockError::Error(error)) => return Err(refused(error)),
-            }
-            if let Some(backup) = backup_of(path).filter(|backup| backup.exists()) {
-                Backup::read(&backup, &file, path)?.restore(&file).map_err(refused)?;
-                tracing::warn!(
-                    "{}: a run was killed while it changed this file; the change was taken back",
-                    path.display()
-                );
-            }
+            let file = lock(path)?;
+            repair(&file, path)?;
             Ok(file)
         }
+    }
+}
+
+/// Takes back what a killed run left half done. Whether there was anything.
+///
+/// # Errors
+///
+/// As [`open`] for [`Access::Change`].
+pub fn take_back(path: &Path) -> Result<bool, Error> {
+    repair(&lock(path)?, path)
+}
+
+/// Opens a file for nobody else.
+fn lock(path: &Path) -> Result<File, Error> {
+    let refused = |e| Error::io("change", path)(e);
+    let file = regular::open_to_change(path).map_err(|error| match regular::is_foreign(&error) {
+        true => unreadable(path, error),
+        false => refused(error),
+    })?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Busy(path.to_owned())),
+        Err(TryLockError::Error(error)) => Err(refused(error)),
+    }
+}
+
+fn repair(file: &File, path: &Path) -> Result<bool, Error> {
+    let Some(backup) = Backup::find(file, path)? else { return Ok(false) };
+    let backup = backup.map_err(|why| Error::input(path, format!("{why}: move one of them elsewhere")))?;
+    backup.restore(file).map_err(Error::io("change", path))?;
+    tracing::warn!("{}: a run was killed while it changed this file; the change was taken back", path.display());
+    Ok(true)
+}
+
+fn unreadable(path: &Path, error: io::Error) -> Error {
+    match regular::is_foreign(&error) {
+        true => Error::input(path, format!("{error}; save it as one first")),
+        false => Error::io("read", path)(error),
     }
 }
 
@@ -111,6 +147,9 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<(), Error> {
 pub(crate) fn replace_end(file: &File, path: &Path, from: u64, staged: &File) -> Result<(), Error> {
     let refused = |e| Error::io("change", path)(e);
     check(file, path)?;
+    if from < MCAP.len() as u64 {
+        return Err(Error::input(path, "would change from its first byte on, which nothing could take back"));
+    }
     let metadata = file.metadata().map_err(refused)?;
     let Some(beside) = backup_of(path) else { return Err(refused(io::ErrorKind::NotFound.into())) };
     let backup = Backup::write(&beside, file, from..metadata.len())?;
@@ -158,10 +197,11 @@ impl Backup {
     /// Saves a range, through the end, of a file.
     fn write(path: &Path, file: &File, range: Range<u64>) -> Result<Self, Error> {
         let refused = |e| Error::io("write", path)(e);
-        let partial = Partial::create(path)?;
+        let partial = Partial::create_new(path)?;
         let mut out = partial.file();
         let mut write = || {
             let mut head = MAGIC.to_vec();
+            head.extend(file.metadata()?.ino().to_le_bytes());
             head.extend(range.start.to_le_bytes());
             head.extend(range.end.to_le_bytes());
             head.extend(checksum(file, preceding(range.start))?.to_le_bytes());
@@ -178,32 +218,39 @@ impl Backup {
         Ok(Self { path: path.to_owned(), file: copy, range })
     }
 
-    /// The backup of a file, if it is whole and belongs to it.
-    fn read(path: &Path, of: &File, name: &Path) -> Result<Self, Error> {
-        let refused = |e| Error::io("read", path)(e);
-        let file = File::open(path).map_err(refused)?;
-        let foreign = || {
-            let backup = path.display();
-            Error::input(name, format!("{backup} is not the backup of this file: move one of them elsewhere"))
+    /// What stands in the place of a file's backup: nothing, its backup, or why that is none.
+    fn find(of: &File, name: &Path) -> Result<Option<Result<Self, String>>, Error> {
+        let Some(path) = backup_of(name) else { return Ok(None) };
+        let foreign = |why: &str| Ok(Some(Err(format!("{} is not the backup of this file{why}", path.display()))));
+        let file = match regular::open_own(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) if regular::is_foreign(&error) => return foreign(&format!(": it {error}")),
+            opened => opened.map_err(Error::io("read", &path))?,
         };
-        let length = file.metadata().map_err(refused)?.len();
+        match Self::read(&file, of).map_err(Error::io("read", &path))? {
+            Some(range) => Ok(Some(Ok(Self { path, file, range }))),
+            None => foreign(""),
+        }
+    }
+
+    /// Where the bytes belong that a backup holds, if it is whole and that of `of`.
+    fn read(file: &File, of: &File) -> io::Result<Option<Range<u64>>> {
+        let (kept, changed) = (file.metadata()?, of.metadata()?);
+        let owner = rustix::process::geteuid().as_raw();
+        if ![0, owner, changed.uid()].contains(&kept.uid()) || kept.len() < HEAD as u64 {
+            return Ok(None);
+        }
         let mut head = [0; HEAD];
-        if length < HEAD as u64 {
-            return Err(foreign());
+        file.read_exact_at(&mut head, 0)?;
+        let Some(head) = Head::parse(&head) else { return Ok(None) };
+        let Range { start, end } = head.range;
+        let fits = end.checked_sub(start) == Some(kept.len() - HEAD as u64) && start <= changed.len();
+        if !fits || head.inode != changed.ino() || start < MCAP.len() as u64 {
+            return Ok(None);
         }
-        file.read_exact_at(&mut head, 0).map_err(refused)?;
-        let head = Head::parse(&head).ok_or_else(foreign)?;
-        let room = of.metadata().map_err(Error::io("read", name))?.len();
-        let kept = HEAD as u64..length;
-        if head.range.end.checked_sub(head.range.start) != Some(kept.end - kept.start) || room < head.range.start {
-            return Err(foreign());
-        }
-        let preceding = checksum(of, preceding(head.range.start)).map_err(Error::io("read", name))?;
-        let kept = checksum(&file, [kept, 0..0]).map_err(refused)?;
-        match (preceding, kept) == (head.preceding, head.kept) {
-            true => Ok(Self { path: path.to_owned(), file, range: head.range }),
-            false => Err(foreign()),
-        }
+        let same = checksum(of, preceding(start))? == head.preceding
+            && checksum(file, [HEAD as u64..kept.len(), 0..0])? == head.kept;
+        Ok(same.then_some(head.range))
     }
 
     /// Puts the old bytes back, and removes the backup.
@@ -223,6 +270,7 @@ impl Backup {
 }
 
 struct Head {
+    inode: u64,
     range: Range<u64>,
     preceding: u32,
     kept: u32,
@@ -232,11 +280,13 @@ impl Head {
     fn parse(bytes: &[u8; HEAD]) -> Option<Self> {
         let (body, crc) = bytes.split_last_chunk::<4>()?;
         let (magic, fields) = body.split_first_chunk::<16>()?;
+        let (inode, fields) = fields.split_first_chunk::<8>()?;
         let (start, fields) = fields.split_first_chunk::<8>()?;
         let (end, fields) = fields.split_first_chunk::<8>()?;
         let (preceding, kept) = fields.split_first_chunk::<4>()?;
         let whole = magic == MAGIC && u32::from_le_bytes(*crc) == crc32fast::hash(body);
         whole.then_some(Self {
+            inode: u64::from_le_bytes(*inode),
             range: u64::from_le_bytes(*start)..u64::from_le_bytes(*end),
             preceding: u32::from_le_bytes(*preceding),
             kept: u32::from_le_bytes(*kept.first_chunk()?),

@@ -4,10 +4,12 @@ pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod in_place;
 pub(crate) mod partial;
+pub(crate) mod reads;
 pub(crate) mod set;
 pub(crate) mod sidecar_file;
 pub(crate) mod spill;
 
 pub use file::Written;
-pub use in_place::Access;
+pub use in_place::{Access, take_back};
 pub use partial::Partial;
+pub use reads::Reads;

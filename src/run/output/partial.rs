@@ -1,67 +1,66 @@
-//! An output while it is being written: a locked file beside its final name, renamed into place when it is whole.
+//! An output while it is being written: a file that gets its name when it is whole, and is made new.
 //!
 //! What is written is left to the caller. Dropped early, it leaves nothing behind.
+//!
+//! While it is written it has no name at all, where the file system can do that; else one that nobody can guess, and that
+//! nothing has. Either way nothing that stands beside the output is ever opened, written through or taken over. To take
+//! the place of a file it must have a name for an instant; one that was killed just then is known by its own number in
+//! its name, and swept away when the next takes the same place.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::ffi::OsString;
+use std::fs::{File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{FileExt as _, MetadataExt as _};
+use std::os::unix::fs::{FileExt as _, MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::fs::{AtFlags, CWD, Mode, OFlags, RenameFlags, linkat, openat, renameat_with};
 use rustix::io::Errno;
 
+use super::reads::Reads;
 use crate::Error;
+use crate::run::input::regular;
 
 /// A file that gets its name when it is whole.
 #[derive(Debug)]
 pub struct Partial {
     file: File,
-    path: PathBuf,
+    /// Its name for now, if it has one.
+    path: Option<PathBuf>,
     target: PathBuf,
     /// Whether what stands under the name in the end is replaced.
     replaces: bool,
-    finished: bool,
 }
 
 impl Partial {
-    /// The same, for a name that nothing has: what gets it meanwhile is not replaced.
+    /// An empty file that will stand under the name `target`, or not at all: what has the name stays.
     ///
     /// # Errors
     ///
-    /// As [`Partial::create`].
+    /// If the system refuses.
     pub fn create_new(target: &Path) -> Result<Self, Error> {
-        let mut partial = Self::create(target)?;
-        partial.replaces = false;
-        Ok(partial)
+        let refused = |error| Error::io("write", target)(error);
+        let (file, path) = match unnamed(folder_of(target)) {
+            Err(error) if cannot(&error) => {
+                sweep(target);
+                named(target).map(|(file, path)| (file, Some(path))).map_err(refused)?
+            }
+            file => (file.map_err(refused)?, None),
+        };
+        // No sweep takes it while it is written. Where locks are unknown, nothing is swept.
+        let _ = file.try_lock();
+        Ok(Self { file, path, target: target.to_owned(), replaces: false })
     }
 
-    /// Opens `TARGET.partial`, empty. One that a killed run left is taken over.
+    /// The same, but it takes the place of what has the name, unless that is one of the files that were read.
     ///
     /// # Errors
     ///
-    /// [`Error::Busy`] while another process writes it, [`Error::Io`] if the system refuses.
-    pub fn create(target: &Path) -> Result<Self, Error> {
-        let mut name = target.file_name().unwrap_or_default().to_owned();
-        name.push(".partial");
-        let path = target.with_file_name(name);
-        let refused = |error| Error::io("write", target)(error);
-        loop {
-            let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-            let file = options.map_err(refused)?;
-            match file.try_lock() {
-                Ok(()) => {}
-                Err(TryLockError::WouldBlock) => return Err(Error::Busy(target.to_owned())),
-                Err(TryLockError::Error(error)) => return Err(refused(error)),
-            }
-            // Its last owner may have renamed or removed it between our opening and locking it.
-            if same_file(&file, &path) {
-                // ext4 writes out at once, when it is closed, what was ever cut to nothing.
-                if file.metadata().map_err(refused)?.len() > 0 {
-                    file.set_len(0).map_err(refused)?;
-                }
-                return Ok(Self { file, path, target: target.to_owned(), replaces: true, finished: false });
-            }
-        }
+    /// If it is one of them, or the system refuses.
+    pub fn create(target: &Path, reads: &Reads) -> Result<Self, Error> {
+        reads.refuse(target)?;
+        let mut partial = Self::create_new(target)?;
+        partial.replaces = true;
+        Ok(partial)
     }
 
     /// What is written so far.
@@ -80,7 +79,7 @@ impl Partial {
     ///
     /// If the system refuses.
     pub fn equals(&self, other: &Path) -> io::Result<bool> {
-        is_end(&File::open(other)?, 0, &self.file)
+        is_end(&regular::open(other)?, 0, &self.file)
     }
 
     /// Gives the whole file its name, on the device if asked to.
@@ -89,24 +88,146 @@ impl Partial {
     ///
     /// [`Error::Io`] if the system refuses, [`Error::Exists`] if the name has been taken; nothing is left behind then.
     pub fn finish(mut self, sync: bool) -> Result<(), Error> {
-        let done = self.publish(sync).map_err(|error| match error.kind() {
+        self.publish(sync).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => Error::Exists(self.target.clone()),
             _ => Error::io("write", &self.target)(error),
-        });
-        self.finished = done.is_ok();
-        done
+        })
     }
 
-    fn publish(&self, sync: bool) -> io::Result<()> {
+    fn publish(&mut self, sync: bool) -> io::Result<()> {
         if sync {
             self.file.sync_all()?;
         }
-        match self.replaces {
-            true => std::fs::rename(&self.path, &self.target)?,
-            false => rename_new(&self.path, &self.target)?,
+        match (&self.path, self.replaces) {
+            (None, false) => name(&self.file, &self.target)?,
+            (Some(path), false) => rename_new(path, &self.target)?,
+            (None, true) => match name(&self.file, &self.target) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                    sweep(&self.target);
+                    let path = temporary(&self.target, |path| name(&self.file, path), &self.file)?;
+                    let path = self.path.insert(path);
+                    std::fs::rename(path, &self.target)?;
+                }
+                named => named?,
+            },
+            (Some(path), true) => std::fs::rename(path, &self.target)?,
         }
+        self.path = None;
         if sync { sync_folder(&self.target) } else { Ok(()) }
     }
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        if let Some(path) = &self.path {
+            // There is nobody to tell, and the next run sweeps away what could not be removed.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// A file without a name.
+fn unnamed(folder: &Path) -> io::Result<File> {
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let file = File::from(openat(CWD, folder, flags, Mode::from_raw_mode(0o666))?);
+    // Where it cannot be given one later, it is of no use.
+    match place(&file).exists() {
+        true => Ok(file),
+        false => Err(Errno::OPNOTSUPP.into()),
+    }
+}
+
+/// Whether a file system, or a kernel, knows no files without names.
+fn cannot(error: &io::Error) -> bool {
+    [Errno::OPNOTSUPP, Errno::ISDIR, Errno::INVAL].map(Errno::raw_os_error).contains(&error.raw_os_error().unwrap_or(0))
+}
+
+/// Gives a file without a name one that nothing has.
+fn name(file: &File, path: &Path) -> io::Result<()> {
+    Ok(linkat(CWD, place(file), CWD, path, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+fn place(file: &File) -> PathBuf {
+    use std::os::fd::AsRawFd as _;
+    format!("/proc/self/fd/{}", file.as_raw_fd()).into()
+}
+
+/// A new file under a name that nothing has.
+fn named(target: &Path) -> io::Result<(File, PathBuf)> {
+    let new = |path: &Path| {
+        let flags = OFlags::NOFOLLOW.bits() as i32;
+        OpenOptions::new().read(true).write(true).create_new(true).custom_flags(flags).open(path)
+    };
+    let name = prefix(target);
+    let made = tempfile::Builder::new().prefix(&name).suffix(ENDING).make_in(folder_of(target), new)?;
+    let (file, path) = made.keep().map_err(|kept| kept.error)?;
+    let _ = file.try_lock();
+    let known = temporary(target, |known| rename_new(&path, known), &file);
+    if known.is_err() {
+        let _ = std::fs::remove_file(&path);
+    }
+    Ok((file, known?))
+}
+
+const ENDING: &str = ".partial";
+
+/// Gives a file a name that tells its own number, by which it is known to be ours.
+fn temporary(target: &Path, give: impl Fn(&Path) -> io::Result<()>, file: &File) -> io::Result<PathBuf> {
+    let mut start = prefix(target);
+    start.push(format!("{:x}-", file.metadata()?.ino()));
+    let given = tempfile::Builder::new().prefix(&start).suffix(ENDING).make_in(folder_of(target), give)?;
+    given.into_temp_path().keep().map_err(|kept| kept.error)
+}
+
+/// Removes what killed runs have left of a file or folder that was to be named `target`.
+pub(crate) fn sweep(target: &Path) {
+    let start = prefix(target);
+    let Some(start) = start.to_str() else { return };
+    for entry in std::fs::read_dir(folder_of(target)).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let of_ours = name.to_str().and_then(|name| name.strip_prefix(start)?.strip_suffix(ENDING)?.split_once('-'));
+        let Some((number, _)) = of_ours else { continue };
+        let Ok(metadata) = entry.metadata() else { continue };
+        if u64::from_str_radix(number, 16) != Ok(metadata.ino()) {
+            continue;
+        }
+        // One that is being written is locked.
+        let free = File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
+        // What cannot be removed stays for the next run.
+        let _ = match metadata.file_type() {
+            kind if kind.is_file() && free && metadata.nlink() == 1 => std::fs::remove_file(entry.path()),
+            kind if kind.is_dir() && free => std::fs::remove_dir_all(entry.path()),
+            _ => Ok(()),
+        };
+    }
+}
+
+/// What the names of files begin with that are to be named `target`.
+fn prefix(target: &Path) -> OsString {
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    name.push(".");
+    name
+}
+
+/// A new, empty folder beside `target`, locked, under a name that nothing has.
+pub(crate) fn folder_beside(target: &Path) -> io::Result<(PathBuf, File)> {
+    use std::os::unix::fs::PermissionsExt as _;
+    sweep(target);
+    let permissions = std::fs::Permissions::from_mode(0o777);
+    let mut builder = tempfile::Builder::new();
+    let name = prefix(target);
+    let made = builder.prefix(&name).suffix(ENDING).permissions(permissions).tempdir_in(folder_of(target))?;
+    let lock = File::open(made.path())?;
+    let _ = lock.try_lock();
+    let known = temporary(target, |known| rename_new(made.path(), known), &lock)?;
+    // It has another name now.
+    let _ = made.keep();
+    Ok((known, lock))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Whether what follows byte `from` of a file is `end`.
@@ -131,8 +252,8 @@ pub(crate) fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
     Ok(true)
 }
 
-/// Gives a file a name that nothing has.
-fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+/// Gives a file a name that nothing has, in the place of the one it has.
+pub(crate) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
         // Not every file system knows how.
         Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) if to.symlink_metadata().is_err() => {
@@ -145,23 +266,13 @@ fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
 
 /// Waits until the names in the folder of `path` are on the device.
 pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
-}
-
-impl Drop for Partial {
-    fn drop(&mut self) {
-        if !self.finished {
-            // There is nobody to tell, and the next run takes over what could not be removed.
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
+    File::open(folder_of(path))?.sync_all()
 }
 
 /// Whether a file is what stands at a path.
 pub(crate) fn same_file(file: &File, path: &Path) -> bool {
     let id = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
-    file.metadata().map(id).ok().is_some_and(|ours| std::fs::metadata(path).map(id).ok() == Some(ours))
+    file.metadata().map(id).ok().is_some_and(|ours| std::fs::symlink_metadata(path).map(id).ok() == Some(ours))
 }
 
 #[cfg(test)]
@@ -176,39 +287,66 @@ mod tests {
         names
     }
 
+    /// As where files without names are known, and where they are not.
+    fn both(target: &Path, replaces: bool) -> [Partial; 2] {
+        let (file, path) = named(target).unwrap();
+        let mut unnamed = Partial::create_new(target).unwrap();
+        unnamed.replaces = replaces;
+        [unnamed, Partial { file, path: Some(path), target: target.to_owned(), replaces }]
+    }
+
     #[test]
     fn nothing_stands_under_the_final_name_before_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("out.mcap");
-        let partial = Partial::create(&target).unwrap();
-        partial.file().write_all(b"whole").unwrap();
-        assert_eq!(names(folder.path()), ["out.mcap.partial"]);
-        partial.finish(true).unwrap();
+        for (text, partial) in [b"whole", b"anew_"].into_iter().zip(both(&target, true)) {
+            partial.file().write_all(text).unwrap();
+            partial.finish(true).unwrap();
+            assert_eq!(names(folder.path()).last().unwrap(), "out.mcap");
+            assert_eq!(std::fs::read(&target).unwrap(), text);
+        }
         assert_eq!(names(folder.path()), ["out.mcap"]);
-        assert_eq!(std::fs::read(target).unwrap(), b"whole");
     }
 
     #[test]
     fn giving_up_leaves_nothing_behind() {
         let folder = tempfile::tempdir().unwrap();
-        drop(Partial::create(&folder.path().join("out.mcap")).unwrap());
+        drop(both(&folder.path().join("out.mcap"), true));
         assert!(names(folder.path()).is_empty());
     }
 
     #[test]
-    fn what_a_killed_run_left_is_taken_over_and_what_another_writes_is_not() {
+    fn a_name_that_was_taken_meanwhile_stays_its_owners() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("out.mcap");
-        std::fs::write(folder.path().join("out.mcap.partial"), b"half of something").unwrap();
-        let partial = Partial::create(&target).unwrap();
-        assert_eq!(partial.file().metadata().unwrap().len(), 0);
-        assert!(matches!(Partial::create(&target), Err(Error::Busy(_))));
-        assert_eq!(names(folder.path()), ["out.mcap.partial"], "the other one's file stays");
+        let partials = both(&target, false);
+        std::fs::write(&target, b"theirs").unwrap();
+        for partial in partials {
+            assert!(matches!(partial.finish(false), Err(Error::Exists(_))));
+        }
+        assert_eq!(std::fs::read(&target).unwrap(), b"theirs");
+        assert_eq!(names(folder.path()), ["out.mcap"]);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_swept_away_and_what_a_stranger_put_there_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.mcap");
+        let (file, left) = named(&target).unwrap();
+        let (dir, lock) = folder_beside(&target).unwrap();
+        std::fs::write(dir.join("half"), b"half of something").unwrap();
+        let theirs = [".out.mcap.1-abc.partial", ".out.mcap.partial", ".out.mcap.x.partial", "out.mcap.partial"];
+        theirs.iter().for_each(|name| std::fs::write(folder.path().join(name), b"theirs").unwrap());
+        sweep(&target);
+        assert!(left.exists() && dir.exists(), "what is being written stays");
+        drop((file, lock));
+        sweep(&target);
+        assert_eq!(names(folder.path()), theirs);
     }
 
     #[test]
     fn a_missing_folder_is_named() {
-        let error = Partial::create(Path::new("/no/such/folder/out.mcap")).unwrap_err().to_string();
+        let error = Partial::create_new(Path::new("/no/such/folder/out.mcap")).unwrap_err().to_string();
         assert_eq!(error, "/no/such/folder/out.mcap: cannot write: no such file or folder");
     }
 }

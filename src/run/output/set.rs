@@ -12,6 +12,8 @@ use crate::run::input::rosbag2::{Contents, METADATA, ORIGINAL};
 use crate::run::input::splits::Input;
 use crate::run::output::file::{Output, Written};
 use crate::run::output::folder::{self, Folder};
+use crate::run::output::partial::Partial;
+use crate::run::output::reads::Reads;
 
 /// Takes the annotated splits of a recording, or its sidecar, one after the other.
 pub(crate) struct Target<'a> {
@@ -34,11 +36,15 @@ impl<'a> Target<'a> {
     /// For a sidecar, a single file or a folder there is one path, for several files one for each.
     pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options) -> Result<Self, Error> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();
+        let reads = input.reads();
         let files = |outputs: Vec<Output>| Place::Files { next: outputs.into_iter(), whole: Vec::new() };
         let place = match (options.form, &input.bag) {
             (Form::InPlace, _) => files(input.splits.iter().map(Output::itself).collect::<Result<_, _>>()?),
-            (Form::Annotated, Some(_)) => Place::Folder(Folder::open(&path, options.force)?),
-            _ => files(paths.iter().map(|path| Output::open(path, options.force)).collect::<Result<_, _>>()?),
+            (Form::Annotated, Some(_)) => Place::Folder(Folder::open(&path, options.force, reads)?),
+            _ => {
+                let open = |path: &PathBuf| Output::open(path, options.force, &reads);
+                files(paths.iter().map(open).collect::<Result<_, _>>()?)
+            }
         };
         let in_place = options.form == Form::InPlace;
         let sync = options.sync || in_place;
@@ -85,13 +91,15 @@ impl<'a> Target<'a> {
                 }
                 // Once the splits are annotated, nothing else tells what stood there.
                 if let Some((bag, original, _)) = &described {
-                    folder::write(&bag.folder().join(ORIGINAL), original, sync)?;
+                    let original_of = bag.folder().join(ORIGINAL);
+                    folder::write(Partial::create(&original_of, &Reads::default())?, original, sync)?;
                 }
                 for (output, split) in whole.into_iter().zip(&input.splits) {
                     written = written.and(output.finish(split, sync)?);
                 }
                 if let Some((bag, _, metadata)) = &described {
-                    folder::write(&bag.folder().join(METADATA), metadata, sync)?;
+                    let place = bag.folder().join(METADATA);
+                    folder::write(Partial::create(&place, &Reads::default())?, metadata, sync)?;
                 }
                 Ok(written)
             }

@@ -4,12 +4,15 @@
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::record::{Annotation, Block, Event, Message, Topic};
 use crate::run::input::recording::{Recording, Watch};
+use crate::run::input::regular;
+use crate::run::output::partial::same_file;
 
 /// A file that grows block by block.
 #[derive(Debug)]
@@ -22,10 +25,18 @@ pub(crate) struct Appending {
 }
 
 impl Appending {
-    /// Opens a sidecar as it is, or an empty one. The system releases the lock when the process ends, however it does.
+    /// Opens a sidecar as it is, or makes an empty one. The system releases the lock when the process ends, however it
+    /// does.
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
-        let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
-        let file = opened.map_err(Error::io("write", path))?;
+        let file = match OpenOptions::new().read(true).write(true).create_new(true).open(path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                regular::open_own_to_change(path).map_err(|error| match regular::is_foreign(&error) {
+                    true => Error::input(path, format!("{error}, where the annotations would grow: move it elsewhere")),
+                    false => Error::io("write", path)(error),
+                })?
+            }
+            made => made.map_err(Error::io("write", path))?,
+        };
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.to_owned())),
@@ -53,6 +64,23 @@ impl Appending {
         self.pending.clear();
         self.length = length;
         self.file.set_len(length).map_err(Error::io("write", &self.path))
+    }
+
+    /// Begins anew, in a new file: what was there is not written over.
+    pub(crate) fn begin_anew(&mut self) -> Result<(), Error> {
+        if self.length > 0 || !same_file(&self.file, &self.path) {
+            self.remove()?;
+            *self = Self::open(&self.path)?;
+        }
+        self.cut(0)
+    }
+
+    /// Removes the file, unless its name stands for another one by now.
+    pub(crate) fn remove(&self) -> Result<(), Error> {
+        match same_file(&self.file, &self.path) {
+            true => std::fs::remove_file(&self.path).map_err(Error::io("remove", &self.path)),
+            false => Ok(()),
+        }
     }
 
     /// Takes bytes; nothing is written before [`flush`](Self::flush).

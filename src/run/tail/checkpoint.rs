@@ -3,7 +3,6 @@
 //! The sidecar is put on the device before the checkpoint that counts on it. Saving runs on a thread of its own, since
 //! a device takes its time; when to save is left to the [tail](crate::run::tail).
 
-use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
@@ -14,12 +13,19 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::pipeline::learner::Learner;
 use crate::record::{Inventory, Position, Sidecar};
+use crate::run::input::regular;
+use crate::run::output::partial::{Partial, sweep};
+use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::Appending;
 
 /// What a checkpoint begins with; another layout gets another number.
 const MAGIC: &[u8; 16] = b"stillpointtail02";
+/// What every layout begins with.
+const OURS: &[u8] = b"stillpointtail";
 /// Of magic and checksum.
 const HEAD: usize = 16 + 4;
+/// Larger is none (1 GiB): the largest hold the inventory of a whole recording.
+const LARGEST: u64 = 1 << 30;
 /// Saves are at least this far apart, …
 const INTERVAL: Duration = Duration::from_secs(1);
 /// … and so many times as long as putting the state together takes.
@@ -91,21 +97,34 @@ pub(crate) enum Found {
 #[derive(Debug)]
 pub(crate) struct Checkpoint {
     path: PathBuf,
+    /// Whether something stands there that is no checkpoint. It stays, and nothing is saved.
+    foreign: bool,
     next: Instant,
-    saving: Option<JoinHandle<io::Result<()>>>,
+    saving: Option<JoinHandle<Result<(), Error>>>,
 }
 
 impl Checkpoint {
     pub(crate) fn new(path: PathBuf) -> Self {
-        Self { path, next: Instant::now() + INTERVAL, saving: None }
+        let foreign = is_foreign(&path);
+        Self { path, foreign, next: Instant::now() + INTERVAL, saving: None }
+    }
+
+    /// Why nothing is saved, if something else stands in its place.
+    pub(crate) fn obstacle(&self) -> Option<String> {
+        let path = self.path.display();
+        self.foreign.then(|| format!("{path} is no checkpoint and is left alone: a tail that is killed begins anew"))
     }
 
     pub(crate) fn exists(&self) -> bool {
-        self.path.exists()
+        !self.foreign && self.path.exists()
     }
 
     pub(crate) fn load(&self, owner: &Owner) -> Result<Found, Error> {
-        let bytes = match std::fs::read(&self.path) {
+        if !self.exists() {
+            return Ok(Found::Nothing);
+        }
+        sweep(&self.path);
+        let bytes = match regular::open_own(&self.path).and_then(|file| regular::read(file, LARGEST)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
             read => read.map_err(Error::io("read", &self.path))?,
         };
@@ -115,27 +134,32 @@ impl Checkpoint {
     /// Marks the sidecar as ours before there is a state to go on from.
     pub(crate) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
         self.settle()?;
-        let refused = |error| Error::io("write", &self.path)(error);
-        let bytes = encode(owner, None).map_err(|error| refused(io::Error::other(error)))?;
-        replace(&self.path, &bytes).map_err(refused)
+        if self.foreign {
+            return Ok(());
+        }
+        let bytes = encode(owner, None).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
+        replace(&self.path, &bytes)
     }
 
     /// Whether it is time to save again.
     pub(crate) fn is_due(&self) -> bool {
-        self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
+        !self.foreign && self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Begins to save. What became of the save before is told now.
     pub(crate) fn save(&mut self, owner: &Owner, state: &StateOf<'_>, sidecar: &Appending) -> Result<(), Error> {
         let before = self.settle();
+        if self.foreign {
+            return before;
+        }
         let began = Instant::now();
         let bytes =
             encode(owner, Some(state)).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
         self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
-        let sidecar = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
-        let path = self.path.clone();
+        let written = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
+        let (path, beside) = (self.path.clone(), sidecar.path().to_owned());
         self.saving = Some(std::thread::spawn(move || {
-            sidecar.sync_data()?;
+            written.sync_data().map_err(Error::io("write", &beside))?;
             replace(&path, &bytes)
         }));
         before
@@ -144,22 +168,30 @@ impl Checkpoint {
     /// Waits until what was begun is done.
     pub(crate) fn settle(&mut self) -> Result<(), Error> {
         let Some(thread) = self.saving.take() else { return Ok(()) };
-        let saved = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        saved.map_err(Error::io("write", &self.path))
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
     pub(crate) fn remove(&mut self) -> Result<(), Error> {
         // It is removed, however it is.
         let _ = self.settle();
-        // A killed run may have left the next one, too.
-        for path in [&next_of(&self.path), &self.path] {
-            match std::fs::remove_file(path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("remove", path)(error)),
-                _ => {}
-            }
+        if self.foreign {
+            return Ok(());
         }
-        Ok(())
+        match std::fs::remove_file(&self.path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::io("remove", &self.path)(error)),
+            _ => Ok(()),
+        }
     }
+}
+
+/// Whether something stands under the name of a checkpoint that is none, of whatever version.
+pub(crate) fn is_foreign(path: &Path) -> bool {
+    let begins = |file: std::fs::File| {
+        let mut start = [0; OURS.len()];
+        let read = std::os::unix::fs::FileExt::read_exact_at(&file, &mut start, 0);
+        read.is_ok() && start == OURS
+    };
+    path.symlink_metadata().is_ok() && !regular::open_own(path).is_ok_and(begins)
 }
 
 fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
@@ -196,26 +228,9 @@ fn decode(bytes: &[u8], owner: &Owner) -> Found {
     }
 }
 
-/// Where a checkpoint stands until it is whole.
-fn next_of(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
-    path.with_file_name(name)
-}
-
 /// Puts bytes under a name, on the device, or leaves what was there.
-fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let next = next_of(path);
-    let written = File::create(&next).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let replaced = written.and_then(|()| std::fs::rename(&next, path));
-    if replaced.is_err() {
-        // The one before stays.
-        let _ = std::fs::remove_file(&next);
-        return replaced;
-    }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+fn replace(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let partial = Partial::create(path, &Reads::default())?;
+    partial.file().write_all(bytes).map_err(Error::io("write", path))?;
+    partial.finish(true)
 }

@@ -1,9 +1,11 @@
 //! What the files are called that belong to a result, and those of one that makes way for the next of its name. What
 //! stands in them is left to the callers.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::run::output::partial::rename_new;
 
 /// Where the annotations stand while a recording is followed: beside the output.
 pub fn sidecar_of(output: &Path) -> PathBuf {
@@ -26,7 +28,12 @@ pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
     let stem = name.strip_suffix(ending).unwrap_or(&name);
     let mut names = (1_u32..).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
-    let aside = names.find(|path| !path.exists()).unwrap_or_default();
-    std::fs::rename(result, &aside).map_err(Error::io("rename", result))?;
-    Ok(aside)
+    loop {
+        let aside = names.find(|path| path.symlink_metadata().is_err()).unwrap_or_default();
+        match rename_new(result, &aside) {
+            // It has been taken just now.
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            done => return done.map(|()| aside).map_err(Error::io("rename", result)),
+        }
+    }
 }

@@ -57,7 +57,7 @@ impl Course {
             Found::Nothing => {}
         }
         // What is there of this recording is found again.
-        shell.appending.cut(0)?;
+        shell.appending.begin_anew()?;
         let mut learner = Learner::new(shell.config);
         if let Some(name) = trail.name_of(first.path()) {
             learner.begin_split(Some(name), true);

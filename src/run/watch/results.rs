@@ -11,10 +11,14 @@ use super::service::{State, Watching};
 use crate::Error;
 use crate::record::Kind;
 use crate::run::input::recording::{Recording, Watch};
-use crate::run::input::rosbag2;
 use crate::run::input::splits::Input;
+use crate::run::input::{regular, rosbag2};
 use crate::run::output::partial::Partial;
-use crate::run::tail::{checkpoint_of, set_aside, sidecar_of};
+use crate::run::output::reads::Reads;
+use crate::run::tail::{checkpoint, checkpoint_of, set_aside, sidecar_of};
+
+/// No note is longer (1 MiB).
+const LONGEST: u64 = 1 << 20;
 
 /// The file that says why a recording is left alone.
 #[derive(Debug, Serialize, Deserialize)]
@@ -34,6 +38,12 @@ impl Quarantine {
     pub(super) fn new(recording: &Path, stamp: Stamp, reason: String, configuration: u32) -> Self {
         let next = "it is tried again when it or the configuration changes, or this file is removed".to_owned();
         Self { recording: recording.to_owned(), stamp, reason, next, configuration }
+    }
+
+    /// The note that stands there, unless something else does.
+    pub(super) fn read(path: &Path) -> Option<Self> {
+        let bytes = regular::open_own(path).and_then(|file| regular::read(file, LONGEST)).ok()?;
+        serde_json::from_slice(&bytes).ok()
     }
 }
 
@@ -58,7 +68,8 @@ impl Watching {
     /// What the outputs say of a recording.
     pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> State {
         let output = self.output(recording);
-        if checkpoint_of(&sidecar_of(&output)).exists() {
+        let checkpoint = checkpoint_of(&sidecar_of(&output));
+        if checkpoint.exists() && !checkpoint::is_foreign(&checkpoint) {
             return State::Waiting;
         }
         // One that is younger than its result may be another one, of the same length.
@@ -66,8 +77,7 @@ impl Watching {
         if !younger && original_length(&output) == Some(length(recording, stamp)) {
             return State::Annotated;
         }
-        let quarantine = std::fs::read(self.quarantine(recording)).ok();
-        let quarantine = quarantine.and_then(|bytes| serde_json::from_slice::<Quarantine>(&bytes).ok());
+        let quarantine = Quarantine::read(&self.quarantine(recording));
         let holds = |quarantine: &Quarantine| quarantine.stamp == *stamp && quarantine.configuration == configuration;
         match quarantine.as_ref().is_some_and(holds) {
             true => State::Quarantined,
@@ -80,9 +90,21 @@ impl Watching {
         stamp.is_idle(self.following.idle) || discovery::is_finished(recording)
     }
 
+    /// Removes the note that a recording is left alone.
+    pub(super) fn forgive(&self, recording: &Path) {
+        let path = self.quarantine(recording);
+        if Quarantine::read(&path).is_some() {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
     pub(super) fn write(&self, quarantine: &Quarantine) -> Result<(), Error> {
         let path = self.quarantine(&quarantine.recording);
-        let partial = Partial::create(&path)?;
+        let partial = match path.symlink_metadata() {
+            Ok(_) if Quarantine::read(&path).is_none() => return Err(Error::Exists(path)),
+            Ok(_) => Partial::create(&path, &Reads::of([&quarantine.recording]))?,
+            Err(_) => Partial::create_new(&path)?,
+        };
         let written = serde_json::to_writer_pretty(partial.file(), quarantine);
         written.map_err(|error| Error::io("write", &path)(error.into()))?;
         partial.finish(false)

@@ -222,7 +222,7 @@ impl Watcher<'_> {
         match result {
             Ok(tailed) => {
                 (self.tell)(&path, Verdict::Annotated(&tailed));
-                let _ = std::fs::remove_file(self.watching.quarantine(&path));
+                self.watching.forgive(&path);
                 let is_its = |length| length == now.length || length == results::length(&path, &now);
                 entry.state = match tailed.ending {
                     // Another recording may have taken the name since.

@@ -1,0 +1,21 @@
+//! `stillpoint repair`: a recording as it was before a run was killed that was changing it.
+
+use serde_json::json;
+use stillpoint::Error;
+use stillpoint::run;
+use tracing::info;
+
+use super::{Code, name, print_json};
+use crate::cli;
+
+pub fn run(args: &cli::Repair, json: bool) -> Result<Code, Error> {
+    for input in &args.inputs {
+        let repaired = run::take_back(input)?;
+        match json {
+            true => print_json(&json!({"input": name(input), "repaired": repaired}))?,
+            false if repaired => {}
+            false => info!("{}: nothing was left half done", input.display()),
+        }
+    }
+    Ok(Code::Done)
+}
