@@ -11,7 +11,7 @@ fn backup(magic: &[u8; 16], inode: Option<u64>, start: u64, kept: &[u8]) -> Vec<
     let mut head = magic.to_vec();
     head.extend(inode.iter().flat_map(|inode| inode.to_le_bytes()));
     head.extend(start.to_le_bytes());
-    head.extend((start + kept.len() as u64).to_le_bytes());
+    head.extend(start.wrapping_add(kept.len() as u64).to_le_bytes());
     head.extend(0_u32.to_le_bytes());
     head.extend(crc32fast::hash(kept).to_le_bytes());
     head.extend(crc32fast::hash(&head).to_le_bytes());

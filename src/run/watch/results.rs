@@ -124,8 +124,11 @@ pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Res
         None => {}
     }
     let sidecar = sidecar_of(output);
-    let is_whole = !checkpoint_of(&sidecar).exists() && std::fs::metadata(&sidecar).is_ok_and(|found| found.len() > 0);
-    if is_whole {
+    let is_ours = || {
+        let kind = regular::open_own(&sidecar).is_ok().then(|| Recording::open(&sidecar).ok()?.kind().ok());
+        matches!(kind.flatten(), Some(Kind::Sidecar { .. }))
+    };
+    if !checkpoint_of(&sidecar).exists() && is_ours() {
         set_aside(&sidecar)?;
     }
     Ok(())
