@@ -22,9 +22,9 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use stillpoint::Error;
 use stillpoint::config::{Config, Layer};
 use stillpoint::run::{Partial, Reads, Stop};
+use stillpoint::{Error, printable_json};
 
 use crate::cli::{Cli, Command, Configuration};
 
@@ -171,5 +171,5 @@ fn name(path: &Path) -> String {
 }
 
 fn print_json(value: &serde_json::Value) -> Result<(), Error> {
-    print(&format!("{value}\n"))
+    print(&format!("{}\n", printable_json(&value.to_string())))
 }

@@ -9,6 +9,8 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::Context;
 use tracing_subscriber::prelude::*;
 
+use stillpoint::printable;
+
 use crate::cli::Cli;
 
 /// Sends events to standard error: with `-v` all of ours, with `-q` errors only.
@@ -33,8 +35,9 @@ impl<S: Subscriber> tracing_subscriber::Layer<S> for Stderr {
         }
         .to_owned();
         event.record(&mut Message(&mut text));
+        let text = if event.metadata().target() == COMPOSED { text.into() } else { printable(&text) };
         // Nobody is left to tell if standard error is gone.
-        let _ = writeln!(std::io::stderr().lock(), "{}", printable(&text));
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
     }
 }
 
@@ -49,28 +52,5 @@ impl Visit for Message<'_> {
     }
 }
 
-/// The text without control characters that a recording's names could smuggle into a terminal; colours stay.
-fn printable(text: &str) -> String {
-    let is_colour = |rest: &str| {
-        let parameters = rest.strip_prefix('[').and_then(|rest| rest.split_once('m'));
-        parameters.is_some_and(|(digits, _)| digits.bytes().all(|b| b.is_ascii_digit() || b == b';'))
-    };
-    let keep = |(at, c): (usize, char)| match c {
-        '\n' => c,
-        '\u{1b}' if is_colour(text.get(at + 1..).unwrap_or_default()) => c,
-        c if c.is_control() => char::REPLACEMENT_CHARACTER,
-        c => c,
-    };
-    text.char_indices().map(keep).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::printable;
-
-    #[test]
-    fn names_cannot_smuggle_escapes_into_the_terminal() {
-        assert_eq!(printable("\u{1b}[1;32mok\u{1b}[0m\n"), "\u{1b}[1;32mok\u{1b}[0m\n");
-        assert_eq!(printable("/a\u{1b}]0;x\u{7}\r"), "/a\u{fffd}]0;x\u{fffd}\u{fffd}");
-    }
-}
+/// Where what is said has lines and colours of its own, and the names in it are escaped already.
+pub const COMPOSED: &str = "stillpoint::composed";

@@ -47,9 +47,11 @@ pub mod simulate;
 pub mod still;
 
 mod error;
+mod printable;
 mod stamp;
 
 pub use error::Error;
+pub use printable::{printable, printable_json};
 pub use stamp::Stamp;
 
 /// The example of the README runs, too.

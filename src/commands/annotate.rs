@@ -13,6 +13,7 @@ use tracing::{info, warn};
 use super::progress::Progress;
 use super::{Code, configuration, import, name, print_json, reads, summary};
 use crate::cli;
+use crate::console::COMPOSED;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
@@ -216,7 +217,7 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
     if report.damages > report.damage.len() as u64 {
         warn!("{} damages in all", report.damages);
     }
-    report.imus.iter().for_each(|imu| info!("{}", summary::imu(imu, earlier)));
+    report.imus.iter().for_each(|imu| info!(target: COMPOSED, "{}", summary::imu(imu, earlier)));
     for output in outputs {
         match written {
             Written::Now => info!("wrote {}", output.display()),

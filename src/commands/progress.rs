@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use stillpoint::Error;
 use stillpoint::run::{Input, Stop};
+use stillpoint::{Error, printable};
 
 /// Shows how far a recording has been read, and asks whether to go on.
 pub struct Progress<'a> {
@@ -19,7 +19,8 @@ impl<'a> Progress<'a> {
             true => ProgressDrawTarget::stderr(),
             false => ProgressDrawTarget::hidden(),
         };
-        let name = recording.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = recording.path().file_name().unwrap_or_default().to_string_lossy();
+        let name = printable(&name).into_owned();
         let style = ProgressStyle::with_template("{msg}  {wide_bar}  {bytes} of {total_bytes}, {eta} left");
         let bar = ProgressBar::with_draw_target(Some(recording.length()), target)
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

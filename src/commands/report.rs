@@ -2,9 +2,9 @@
 
 use console::style;
 use serde_json::{Value, json};
-use stillpoint::Error;
 use stillpoint::report::{self, Findings, Page, Story};
 use stillpoint::run::{self, Input, Stop};
+use stillpoint::{Error, printable};
 
 use super::progress::Progress;
 use super::table::Table;
@@ -32,7 +32,7 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         tracing::info!("wrote {}", output.display());
     } else if !json {
         let text: Vec<_> = stories.imus.iter().map(|story| people(story, earlier)).collect();
-        let notes: String = stories.notes.iter().map(|note| format!("{note}\n")).collect();
+        let notes: String = stories.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
         let text = format!("{}\n{notes}", text.join("\n\n"));
         // The summary is coloured for standard error; what is piped has no colours.
         let plain = !console::colors_enabled();
@@ -74,7 +74,7 @@ fn timeline(story: &Story) -> Vec<String> {
         let mark = if rest.accepted { '█' } else { '░' };
         marks.iter_mut().take(last + 1).skip(first).for_each(|place| *place = mark);
         if rest.accepted && first >= free_from {
-            rest.face.chars().zip(names.iter_mut().skip(first)).for_each(|(letter, place)| *place = letter);
+            printable(&rest.face).chars().zip(names.iter_mut().skip(first)).for_each(|(letter, place)| *place = letter);
             free_from = first + rest.face.chars().count() + 1;
         }
     }
@@ -103,7 +103,7 @@ fn rests(findings: &Findings) -> Vec<String> {
         table.row([
             format!("{}", i + 1),
             format!("{:.1} s", report::length(rest)),
-            rest.face.clone(),
+            printable(&rest.face).into_owned(),
             rest.tilt_deg.map(|tilt| format!("{tilt:.1}°")).unwrap_or_default(),
             signed(mean.map(|mean| mean.norm() - gravity), 3),
             signed(mean.zip(known).map(|(mean, known)| known.correct(&mean).norm() - gravity), 4),

@@ -4,6 +4,7 @@
 use console::{measure_text_width, style};
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Face, Segment, Triad, Vector3};
+use stillpoint::printable;
 use stillpoint::report::{Change, Findings, drift, estimate, model};
 use stillpoint::still;
 
@@ -70,9 +71,9 @@ fn nanos(time: &Option<prost_types::Timestamp>) -> i64 {
 fn heading(findings: &Findings) -> String {
     let topic = match findings.topic == findings.name {
         true => String::new(),
-        false => format!(" ({})", findings.topic),
+        false => format!(" ({})", printable(&findings.topic)),
     };
-    format!("{}{topic}", style(&findings.name).for_stderr().bold())
+    format!("{}{topic}", style(printable(&findings.name)).for_stderr().bold())
 }
 
 fn rests(findings: &Findings) -> String {
@@ -85,8 +86,8 @@ fn rests(findings: &Findings) -> String {
 
 fn face(face: &Face) -> String {
     match face.placements {
-        0 => style(format!("{} missing", face.name)).for_stderr().yellow().to_string(),
-        times => format!("{} {times}× {:.1} s", face.name, face.seconds),
+        0 => style(format!("{} missing", printable(&face.name))).for_stderr().yellow().to_string(),
+        times => format!("{} {times}× {:.1} s", printable(&face.name), face.seconds),
     }
 }
 
@@ -96,7 +97,7 @@ fn calibration(findings: &Findings) -> Vec<String> {
     let mut table = Table::default();
     for triad in triads {
         let unit = unit(&triad.sensor);
-        table.heading(format!("{}  {}", triad.sensor, verdict(triad)));
+        table.heading(format!("{}  {}", printable(&triad.sensor), verdict(triad)));
         if let (Some(bias), Some(std)) = (&triad.bias, &triad.bias_std) {
             table.row(row(&format!("  bias {unit}"), bias, std));
         }
@@ -128,7 +129,7 @@ fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
             true => style("has moved").for_stderr().yellow(),
             false => style("within the uncertainty").for_stderr().green(),
         };
-        table.heading(format!("{}  {verdict}", drift.sensor));
+        table.heading(format!("{}  {verdict}", printable(&drift.sensor)));
         let mut row = |name: String, changes: &Option<[Change; 3]>| {
             if let Some(changes) = changes {
                 let cells = changes.map(|change| format!("{:+.5} ± {:.5}", change.by, HALF * change.std));
@@ -189,7 +190,7 @@ fn rejected(findings: &Findings) -> Vec<String> {
 }
 
 fn sentence(label: &str, text: &str) -> Vec<String> {
-    wrap(label, " ", text.split_whitespace().map(str::to_owned))
+    wrap(label, " ", text.split_whitespace().map(|word| printable(word).into_owned()))
 }
 
 /// Words behind a label, on lines that a terminal of 100 columns holds.

@@ -2,9 +2,9 @@
 
 use console::style;
 use serde_json::{Value, json};
-use stillpoint::Error;
 use stillpoint::imu::{ChannelRole, ImuConfig};
 use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
+use stillpoint::{Error, printable};
 
 use super::progress::Progress;
 use super::table::Table;
@@ -45,21 +45,27 @@ fn machine(channels: &Channels) -> Value {
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
 }
 
+/// What a recording says, on one line.
+fn said(text: &str) -> String {
+    printable(text).into_owned()
+}
+
 fn people(channels: &Channels) -> String {
     let mut table = Table::default();
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
     for used in &channels.channels {
         let verdict = match used.verdict {
-            ChannelRole::Used(_) | ChannelRole::Position => style(used.verdict.to_string()).green(),
-            ChannelRole::Skipped(_) => style(used.verdict.to_string()).yellow(),
-            _ => style(used.verdict.to_string()).dim(),
+            ChannelRole::Used(_) | ChannelRole::Position => style(said(&used.verdict.to_string())).green(),
+            ChannelRole::Skipped(_) => style(said(&used.verdict.to_string())).yellow(),
+            _ => style(said(&used.verdict.to_string())).dim(),
         };
         let rate = channels.rate(used).map_or_else(|| "-".to_owned(), |hz| format!("{hz:.1} Hz"));
-        let encoding = used.channel.message_encoding.clone();
-        table.row([used.channel.topic.clone(), used.messages.to_string(), rate, encoding, used.schema.clone()]);
+        let [topic, encoding, schema] =
+            [&used.channel.topic, &used.channel.message_encoding, &used.schema].map(|text| said(text));
+        table.row([topic, used.messages.to_string(), rate, encoding, schema]);
         table.heading(format!("    {verdict}"));
         for remark in &used.remarks {
-            table.heading(format!("    {}", style(remark).yellow()));
+            table.heading(format!("    {}", style(said(remark)).yellow()));
         }
     }
     let mut lines = table.lines("");
@@ -68,12 +74,12 @@ fn people(channels: &Channels) -> String {
             lines.push(String::new());
             lines.push(format!(
                 "# To calibrate {}, put these lines into a file and pass it with -c:",
-                used.channel.topic
+                said(&used.channel.topic)
             ));
             lines.extend(imu.lines().lines().map(str::to_owned));
         }
     }
-    lines.extend(channels.notes.iter().cloned());
+    lines.extend(channels.notes.iter().map(|note| said(note)));
     lines.push(String::new());
     lines.join("\n")
 }

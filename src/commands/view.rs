@@ -8,6 +8,7 @@ use console::{Term, measure_text_width, style, truncate_str};
 use indicatif::HumanBytes;
 use stillpoint::engine::Message;
 use stillpoint::messages::foxglove::log::Level;
+use stillpoint::printable;
 use stillpoint::run::{Ending, News, Progress};
 use tracing::{info, warn};
 
@@ -33,6 +34,7 @@ impl View {
     /// A view of the recording of that name; `quiet` shows nothing but troubles.
     pub fn new(name: String) -> Self {
         let term = Some(Term::stderr()).filter(|term| term.is_term() && tracing::enabled!(tracing::Level::INFO));
+        let name = printable(&name).into_owned();
         Self { term, name, drawn: 0, next: Instant::now(), lines: Vec::new(), waiting: false }
     }
 

@@ -23,6 +23,7 @@ use crate::messages::foxglove::log::Level;
 use crate::pipeline::channel_ids::Roster;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{News, Tell};
+use crate::printable;
 use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Schema, Topic};
 use crate::report::Findings;
 
@@ -368,6 +369,7 @@ impl Learner {
     /// A line in the recording's log.
     fn log(&mut self, level: Level, message: String, tell: Tell<'_>) {
         let timestamp = Some(Stamp::from_log_time(self.log_time).into());
+        let message = printable(&message).into_owned();
         let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
         let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
         self.blocks.extend(self.annotator.push("", &event));

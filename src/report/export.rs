@@ -12,6 +12,7 @@ use serde_json::json;
 use super::{Findings, Parameters, calibration, imus, model, yaml};
 use crate::fit::Calibration;
 use crate::messages::{self, Triad};
+use crate::printable;
 
 /// A format. What is said of each is shown to those who choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -233,6 +234,6 @@ fn own() -> [String; 3] {
 
 /// Text as comments; what a recording names cannot end a comment early.
 fn comments(lines: &[String]) -> String {
-    let line = |line: &String| format!("# {}\n", line.replace(char::is_control, " "));
+    let line = |line: &String| format!("# {}\n", printable(line));
     lines.iter().map(line).collect()
 }

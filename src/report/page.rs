@@ -16,6 +16,7 @@ use crate::Stamp;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
 use crate::messages::{Segment, Triad};
+use crate::printable;
 
 /// What a report is about.
 #[derive(Debug)]
@@ -236,10 +237,14 @@ fn section(heading: &str, content: &str) -> String {
     if content.is_empty() { String::new() } else { format!("<section><h3>{heading}</h3>{content}</section>") }
 }
 
-/// Text that a recording cannot break out of.
+/// Text that a recording cannot break out of. Lines stay lines.
 pub(super) fn escape(text: &str) -> Cow<'_, str> {
-    if !text.contains(|c: char| "<>&\"'".contains(c) || c.is_control()) {
-        return Cow::Borrowed(text);
+    if text.contains('\n') {
+        return text.split('\n').map(escape).collect::<Vec<_>>().join("\n").into();
+    }
+    let text = printable(text);
+    if !text.contains(|c: char| "<>&\"'".contains(c)) {
+        return text;
     }
     let mut escaped = String::with_capacity(text.len() + 16);
     for c in text.chars() {
@@ -249,8 +254,6 @@ pub(super) fn escape(text: &str) -> Cow<'_, str> {
             '&' => escaped.push_str("&amp;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&#39;"),
-            '\n' => escaped.push('\n'),
-            c if c.is_control() => escaped.push(char::REPLACEMENT_CHARACTER),
             c => escaped.push(c),
         }
     }
@@ -315,7 +318,7 @@ mod tests {
     fn a_recording_cannot_break_out_of_its_text() {
         assert_eq!(
             escape("/imu<script>\"&'\u{1b}"),
-            "&lt;script&gt;&quot;&amp;&#39;\u{fffd}".replace("&lt;s", "/imu&lt;s")
+            "&lt;script&gt;&quot;&amp;&#39;\\u{1b}".replace("&lt;s", "/imu&lt;s")
         );
         assert_eq!(sentence("turn it."), "Turn it.");
     }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::known_types::known;
 use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
 use crate::imu::schema::layout::Layout;
+use crate::{printable, printable_json};
 
 /// Likeness of a channel by the names in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -140,7 +141,11 @@ impl<Unit: Default + PartialEq> VectorConfig<Unit> {
 }
 
 fn quoted(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
+    match printable(text) == text {
+        true => toml::Value::String(text.to_owned()).to_string(),
+        // On one line: JSON's escapes are TOML's, too.
+        false => printable_json(&serde_json::Value::from(text).to_string()).into_owned(),
+    }
 }
 
 /// Vectors, and triples of numbers that are called like axes, by the lowercase name that tells what they are.

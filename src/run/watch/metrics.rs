@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::engine::Message;
 use crate::pipeline::events::News;
+use crate::printable;
 use crate::run::batch::Report;
 
 /// Shared by all who count.
@@ -161,5 +162,5 @@ impl Counts {
 
 /// A path as the value of a label.
 fn escaped(path: &Path) -> String {
-    path.display().to_string().replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
+    printable(&path.display().to_string()).replace('\\', "\\\\").replace('"', "\\\"")
 }

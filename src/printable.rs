@@ -1,0 +1,67 @@
+//! Text that came from outside, as it is printed: what would steer a terminal, forge a line or reorder letters is escaped.
+//!
+//! Every place that shows text to people asks here: terminal, logs, errors, labels of metrics, pages, what viewers show.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+/// The text with escapes in the place of what is no letter: `\n`, `\u{1b}`.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_hidden) {
+        return Cow::Borrowed(text);
+    }
+    let mut escaped = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match is_hidden(c) {
+            true => escaped.extend(c.escape_default()),
+            false => escaped.push(c),
+        }
+    }
+    Cow::Owned(escaped)
+}
+
+/// A document of JSON in which the same is escaped as JSON does. There it only stands in strings.
+pub fn printable_json(document: &str) -> Cow<'_, str> {
+    // Below are those that JSON must escape itself, and the line breaks of a document that people read.
+    let hidden = |c: char| c >= '\u{7f}' && is_hidden(c);
+    if !document.contains(hidden) {
+        return Cow::Borrowed(document);
+    }
+    let mut escaped = String::with_capacity(document.len() + 16);
+    for c in document.chars() {
+        match hidden(c) {
+            true => c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| _ = write!(escaped, "\\u{unit:04x}")),
+            false => escaped.push(c),
+        }
+    }
+    Cow::Owned(escaped)
+}
+
+/// Control characters, and those that have no width or turn the direction of what follows (Unicode's general categories
+/// Cc, Cf, Zl and Zp, as far as terminals act on them).
+fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(c,
+            '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_stay_and_what_steers_a_terminal_does_not() {
+        assert_eq!(printable("/imu/größe 加速度 x\\y"), "/imu/größe 加速度 x\\y");
+        assert_eq!(printable("/a\u{1b}]0;x\u{7}\r\nerror: no"), "/a\\u{1b}]0;x\\u{7}\\r\\nerror: no");
+        assert_eq!(printable("\u{9b}2J\u{202e}\u{7f}"), "\\u{9b}2J\\u{202e}\\u{7f}");
+    }
+
+    #[test]
+    fn json_says_the_same_without_them() {
+        let value = serde_json::json!({"a\u{9b}": ["\u{202e}x\u{1b}", "\u{e0041}", "ü"]});
+        let text = printable_json(&value.to_string()).into_owned();
+        assert!(!text.contains(is_hidden), "{text}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
+    }
+}
