@@ -26,6 +26,7 @@
 //! assert_eq!(segment.map(|segment| segment.face.as_str()), Some("+Z"));
 //! ```
 
+mod axes;
 mod change_gate;
 mod config;
 mod drift;
@@ -44,7 +45,6 @@ mod rest_history;
 mod rest_judge;
 mod solution;
 mod solve;
-mod turn;
 
 use std::collections::BTreeSet;
 
@@ -58,13 +58,13 @@ use self::reference::Reference;
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
 use self::solution::{Givens, Solution};
-use self::turn::Turns;
 use crate::Stamp;
 use crate::fit::{Fixture, Place};
 use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
 use crate::still::{Outcome, Segmenter, State, Status};
+use crate::turns::History;
 
 /// Learns the calibration of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -75,7 +75,7 @@ pub struct Engine {
     segmenter: Segmenter,
     history: RestHistory,
     gate: ChangeGate,
-    turns: Turns,
+    turns: History,
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
     last_stillness: Option<Stamp>,
@@ -96,7 +96,7 @@ impl Engine {
             segmenter: Segmenter::new(&config.still, config.secondary.len()),
             history: RestHistory::default(),
             gate: ChangeGate::default(),
-            turns: Turns::default(),
+            turns: History::default(),
             reported: BTreeSet::new(),
             last_stillness: None,
             last: None,
@@ -115,8 +115,8 @@ impl Engine {
             self.turns.push(sample);
         }
         let Outcome::Judged { changed } = outcome else { return };
-        if changed && self.segmenter.state() == State::Still {
-            self.turns.arrive(sample.stamp);
+        if let Some((since, until)) = self.segmenter.open_rest() {
+            self.turns.at_rest(since, until);
         }
         self.last = Some((sample.stamp, sample.log_time));
         // A clock that was set back counts as a second passed.
@@ -133,6 +133,9 @@ impl Engine {
     /// in motion it means nothing. To be said before or after the reading itself, but not much later.
     pub fn clipped(&mut self, sensor: Sensor, stamp: Stamp) {
         self.segmenter.clip(sensor, stamp);
+        if sensor == Sensor::Gyroscope {
+            self.turns.clip();
+        }
     }
 
     /// The driver has changed the calibration that it applies to a triad by itself, from the sample with this stamp on:
@@ -143,6 +146,7 @@ impl Engine {
         self.learn(stamp, log_time, false, events);
         self.segmenter.forget(sensor);
         self.history.forget(sensor);
+        self.turns.forget();
         if let Some(reference) = &mut self.reference {
             reference.forget(sensor);
         }

@@ -15,6 +15,7 @@
 //! * [`record`]: MCAP bytes. Scanning a recording for messages, folding annotations into it, stripping them off.
 //! * [`imu`]: what a sample is, and how message bytes become one.
 //! * [`still`]: whether a sensor rests, and what it read while it did.
+//! * [`turns`]: how the sensor turned between its rests.
 //! * [`fit`]: what rests say about a sensor: faces, measurement models, uncertainty.
 //! * [`engine`]: samples in, [events](engine::Event) out.
 //! * [`annotate`]: events to message bytes and annotation blocks.
@@ -45,6 +46,7 @@ pub mod report;
 pub mod run;
 pub mod simulate;
 pub mod still;
+pub mod turns;
 
 mod error;
 mod printable;

@@ -1,20 +1,21 @@
 //! What speaks against the readings of a triad, whatever is fitted to them: each thing is said once in the log and stands
 //! in the triad's notes, and some forbid a calibration. What is wrong with a single rest is left to `rest_judge`.
 
+use super::axes::{self, Axes, Hypothesis};
 use super::fault::{Fault, FaultKind};
 use super::observations;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
-use super::turn::{Axes, Hypothesis, Turns};
 use crate::imu::{Preset, Sensor};
 use crate::still::{Segmenter, Signal};
+use crate::turns::History;
 
 /// All that is suspicious, given what the rests seem to determine.
 pub(super) fn detect(
     segmenter: &Segmenter,
     entries: &[JudgedRest],
-    turns: &Turns,
+    turns: &History,
     preset: Option<Preset>,
     solution: &Solution,
 ) -> Vec<Fault> {
@@ -34,7 +35,7 @@ pub(super) fn detect(
     let dead = dead.map(|axis| of_gyroscope(FaultKind::Dead, dead_gyroscope_text(axis)));
     let relaxing = relaxing_rates(entries, observations::gyroscope_noise(segmenter));
     let relaxing = relaxing.map(|(from, to)| of_gyroscope(FaultKind::Relaxing, relaxing_text(from, to)));
-    let axes = match turns.verdict(|force| calibration.correct(force)) {
+    let axes = match axes::verdict(turns, entries, |force| calibration.correct(force)) {
         Axes::Unknown | Axes::Agree => None,
         Axes::Disagree(degrees) => Some(of_gyroscope(FaultKind::Disagreeing, disagreeing_text(degrees))),
         Axes::Otherwise(Hypothesis { degrees: true, .. }) => {

@@ -151,6 +151,11 @@ impl Segmenter {
         self.state
     }
 
+    /// First and last moment of the rest that is under way, as far as nothing can take them out of it any more.
+    pub fn open_rest(&self) -> Option<(Stamp, Stamp)> {
+        self.accelerometer.open_bounds().filter(|_| self.phase == Phase::Still)
+    }
+
     /// The present state, and what it was judged by.
     pub fn status(&self) -> Status {
         Status {

@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/hand.rs"]
+mod hand;
 #[path = "../common/session.rs"]
 mod session;
 
@@ -14,3 +16,4 @@ mod presets;
 mod recognised;
 mod rests;
 mod thesis;
+mod turns;

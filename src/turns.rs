@@ -1,0 +1,21 @@
+//! How the sensor turned between its rests, by its gyroscope. What that says of a sensor is left to [`fit`](crate::fit).
+//!
+//! A turn is rest, motion, rest. The rates are preintegrated (Lupton & Sukkarieh, IEEE T-RO 2012; Forster et al.,
+//! IEEE T-RO 2017) into [`Piece`]s that know neither bias nor sensitivity: both are applied afterwards, to the second
+//! order of the expansion of Magnus (1954), so that every candidate can be tried on the turns of a whole recording
+//! without its samples.
+
+mod history;
+mod leg;
+mod piece;
+mod prediction;
+mod preintegrator;
+mod rotation;
+mod timebase;
+
+pub use history::{History, Passage};
+pub use leg::{Leg, Turn, Unusable};
+pub use piece::{Candidate, Piece};
+pub use prediction::{Ends, Prediction, predict};
+pub use preintegrator::{Limit, Preintegrator, Stretch};
+pub use rotation::{exp, right_jacobian};

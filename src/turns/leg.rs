@@ -1,0 +1,130 @@
+//! The way from one rest to the next, and several of them as one turn. Which rests are to be believed is left to the
+//! caller.
+
+use serde::{Deserialize, Serialize};
+
+use super::piece::Piece;
+use super::preintegrator::{Preintegrator, Stretch};
+use crate::Stamp;
+
+/// From one rest to the next, whatever is thought of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Leg {
+    /// When the rest began that it leaves …
+    pub from: Stamp,
+    /// … and the one that it comes to.
+    pub to: Stamp,
+    /// What lies between them; empty once that was forgotten.
+    pub(super) stretches: Vec<Stretch>,
+    /// The inside of the rest that it comes to.
+    pub(super) rest: Option<Stretch>,
+    /// All of it as one, of which the integrals are worth nothing.
+    pub(super) sum: Stretch,
+}
+
+/// Why a turn says nothing of the gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unusable {
+    /// Readings are missing in it.
+    Gap,
+    /// The stamps broke in it.
+    Stamps,
+    /// Readings stopped at an end of the range.
+    Clipped,
+    /// It lasted too long.
+    TooLong,
+    /// It was too long ago, or too long a way, to be remembered.
+    Forgotten,
+}
+
+/// A turn from a rest that is believed to the next that is.
+#[derive(Clone, Debug)]
+pub struct Turn<'a> {
+    /// When the rests began that it connects.
+    pub from: Stamp,
+    /// The one after.
+    pub to: Stamp,
+    /// The legs that it is made of.
+    pub(super) legs: &'a [Leg],
+    /// All of it as one, of which the integrals are worth nothing.
+    sum: Stretch,
+    /// Largest reading of the stream, rad/s.
+    pub(super) peak: f64,
+}
+
+impl<'a> Turn<'a> {
+    /// Of legs that follow each other.
+    pub(super) fn of(legs: &'a [Leg], peak: f64) -> Option<Self> {
+        let (first, last) = (legs.first()?, legs.last()?);
+        let sum = legs.iter().skip(1).fold(first.sum, |sum, leg| sum.then(&leg.sum));
+        Some(Self { from: first.from, to: last.to, legs, sum, peak })
+    }
+
+    /// What it is made of, in order; the rests within it are among them.
+    pub fn stretches(&self) -> impl Iterator<Item = &'a Stretch> + Clone + use<'a> {
+        let last = self.legs.len() - 1;
+        let legs = self.legs.iter().enumerate();
+        legs.flat_map(move |(i, leg)| leg.stretches.iter().chain(leg.rest.iter().filter(move |_| i < last)))
+    }
+
+    /// The same, integrated.
+    pub fn pieces(&self) -> Vec<Piece> {
+        self.stretches().map(Stretch::piece).collect()
+    }
+
+    /// When the motion began and ended, as far as pieces tell.
+    pub fn span(&self) -> (Stamp, Stamp) {
+        (self.sum.start, self.sum.end)
+    }
+
+    /// Seconds.
+    pub fn seconds(&self) -> f64 {
+        self.sum.end.seconds_since(self.sum.start)
+    }
+
+    /// ∫ ‖ω‖ dt of the raw rates, rad.
+    pub fn path(&self) -> f64 {
+        f64::from(self.sum.path)
+    }
+
+    /// Largest raw reading, rad/s.
+    pub fn peak(&self) -> f64 {
+        f64::from(self.sum.peak)
+    }
+
+    /// Variance of the angle about an axis by what changes faster than the samples follow, rad²: a twelfth of the second
+    /// differences is what an interpolation by them would change.
+    pub fn roughness(&self) -> f64 {
+        f64::from(self.sum.roughness) / 72.0
+    }
+
+    /// Why it says nothing of the gyroscope, whose range may be known.
+    pub fn unusable(&self, range: Option<f64>) -> Option<Unusable> {
+        /// Seconds.
+        const LONGEST: f64 = 20.0;
+        const GAP: f32 = 0.1;
+        /// Of a range.
+        const NEAR: f64 = 0.98;
+        let pinned = self.sum.pinned >= Preintegrator::CLIPPED && self.peak() >= NEAR * self.peak;
+        if self.sum.broken {
+            Some(Unusable::Stamps)
+        } else if self.sum.gap > GAP {
+            Some(Unusable::Gap)
+        } else if pinned || range.is_some_and(|range| self.peak() >= NEAR * range) {
+            Some(Unusable::Clipped)
+        } else if self.seconds() > LONGEST {
+            Some(Unusable::TooLong)
+        } else if self.legs.iter().any(|leg| leg.stretches.is_empty()) {
+            Some(Unusable::Forgotten)
+        } else {
+            None
+        }
+    }
+
+    /// Whether its pieces are short enough for rates whose unit is so many rad/s.
+    pub fn resolves(&self, unit: f64) -> bool {
+        /// Beyond it the second order says too little, rad.
+        const LONGEST: f64 = 0.5;
+        self.stretches().all(|stretch| unit * stretch.piece().angle.norm() <= LONGEST)
+    }
+}

@@ -1,0 +1,213 @@
+//! Samples of a gyroscope in, stretches of motion out, each a [`Piece`] and what it was like.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::piece::Piece;
+use super::timebase::Timebase;
+use crate::Stamp;
+
+/// A piece of the stream.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Where its first and last samples' cells begin and end.
+    pub start: Stamp,
+    /// The end is the start of the next one.
+    pub end: Stamp,
+    /// α, β, μ and T of [`Piece`].
+    integrals: [f32; 10],
+    /// ∫ ‖ω‖ dt, rad.
+    pub path: f32,
+    /// Σ ‖second difference of ω‖² h², rad²: what changes faster than the samples follow.
+    pub roughness: f32,
+    /// Longest time between two samples, s.
+    pub gap: f32,
+    /// Largest reading of an axis, rad/s.
+    pub peak: f32,
+    /// Readings that equal the stream's highest or lowest one of their axis so far.
+    pub pinned: u16,
+    /// Whether the stamps broke in it.
+    pub broken: bool,
+}
+
+impl Stretch {
+    /// Its integrals.
+    pub fn piece(&self) -> Piece {
+        let at = |i: usize| f64::from(self.integrals[i]);
+        let vector = |i: usize| Vector3::new(at(i), at(i + 1), at(i + 2));
+        Piece { angle: vector(0), coning: vector(3), moment: vector(6), seconds: at(9) }
+    }
+
+    fn with(self, piece: &Piece) -> Self {
+        let Piece { angle: a, coning: c, moment: m, seconds } = piece;
+        let integrals = [a.x, a.y, a.z, c.x, c.y, c.z, m.x, m.y, m.z, *seconds].map(|x| x as f32);
+        Self { integrals, ..self }
+    }
+
+    /// This one and the next as one.
+    pub fn then(&self, next: &Self) -> Self {
+        let both = Self {
+            end: next.end,
+            path: self.path + next.path,
+            roughness: self.roughness + next.roughness,
+            gap: self.gap.max(next.gap),
+            peak: self.peak.max(next.peak),
+            pinned: self.pinned.saturating_add(next.pinned),
+            broken: self.broken || next.broken,
+            ..*self
+        };
+        both.with(&self.piece().then(&next.piece()))
+    }
+}
+
+/// How long a stretch may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limit {
+    /// Of its path, rad.
+    pub path: f64,
+    /// Of its time, s.
+    pub seconds: f64,
+}
+
+impl Default for Limit {
+    fn default() -> Self {
+        Self { path: 0.1, seconds: 0.25 }
+    }
+}
+
+/// Sums over the open stretch, in constant memory.
+///
+/// Each sample counts for its cell, from halfway to the sample before to halfway to the one after; how the rate turns from
+/// one to the next adds a twelfth of their cross product (Bortz 1971; Savage, "Strapdown inertial navigation integration
+/// algorithm design", 1998).
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Preintegrator {
+    timebase: Timebase,
+    /// The last sample, whose cell is open, and how long ago the one before was, s.
+    last: Option<(Stamp, Vector3<f64>)>,
+    interval: f64,
+    /// Angle of the last cell, rad.
+    cell: Vector3<f64>,
+    /// Difference of the last two samples, rad/s.
+    difference: Option<Vector3<f64>>,
+    /// Highest and lowest reading of the stream, per axis.
+    extremes: Option<[Vector3<f64>; 2]>,
+    open: Open,
+}
+
+/// Sums of the open stretch.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Open {
+    start: Option<Stamp>,
+    angle: Vector3<f64>,
+    coning: Vector3<f64>,
+    /// ∫ t ω dt, t from its start.
+    first_moment: Vector3<f64>,
+    seconds: f64,
+    path: f64,
+    roughness: f64,
+    gap: f64,
+    peak: f64,
+    pinned: u16,
+    broken: bool,
+}
+
+/// Slower readings are at no end of a range, rad/s.
+const FAST: f64 = 0.5;
+
+impl Preintegrator {
+    /// Takes a sample; the stretch that it closes, if it closes one.
+    pub fn push(&mut self, stamp: Stamp, rate: &Vector3<f64>, limit: &Limit) -> Option<Stretch> {
+        let Some((last, before)) = self.last else {
+            self.timebase.interval(stamp);
+            self.begin(stamp, rate);
+            return None;
+        };
+        if stamp <= last {
+            // The clock was set back: what was is not connected to what follows.
+            let closed = self.close(last, true);
+            self.timebase = Timebase::default();
+            self.timebase.interval(stamp);
+            self.begin(stamp, rate);
+            self.open.broken = true;
+            return closed;
+        }
+        let interval = 1e-9 * self.timebase.interval(stamp).unwrap_or(0.0);
+        let cell = (self.interval + interval) / 2.0;
+        let angle = before * cell;
+        let open = &mut self.open;
+        open.coning += open.angle.cross(&angle) / 2.0 + self.cell.cross(&angle) / 12.0;
+        open.first_moment += angle * (open.seconds + cell / 2.0);
+        open.angle += angle;
+        open.seconds += cell;
+        open.path += angle.norm();
+        open.gap = open.gap.max(stamp.seconds_since(last));
+        let difference = rate - before;
+        if let Some(earlier) = self.difference.replace(difference) {
+            open.roughness += (difference - earlier).norm_squared() * (cell * cell);
+        }
+        self.look_for_range(rate);
+        self.interval = interval;
+        self.cell = angle;
+        self.last = Some((stamp, *rate));
+        if self.open.path < limit.path && self.open.seconds < limit.seconds {
+            return None;
+        }
+        // The cell of the last sample ends halfway to this one.
+        self.close(last.plus_nanos(stamp.since(last) / 2), false)
+    }
+
+    /// The reading of this moment was clipped, says the driver.
+    pub fn clip(&mut self) {
+        self.open.pinned = self.open.pinned.saturating_add(Self::CLIPPED);
+    }
+
+    /// So many readings at the end of what was read before make a range.
+    pub const CLIPPED: u16 = 2;
+
+    /// Largest reading of the stream, rad/s.
+    pub fn peak(&self) -> f64 {
+        self.extremes.map_or(0.0, |[high, low]| high.amax().max(low.amax()))
+    }
+
+    fn begin(&mut self, stamp: Stamp, rate: &Vector3<f64>) {
+        self.last = Some((stamp, *rate));
+        self.interval = 0.0;
+        self.cell = Vector3::zeros();
+        self.difference = None;
+        self.open = Open { start: Some(stamp), ..Open::default() };
+        self.look_for_range(rate);
+    }
+
+    /// Readings that stop at the same value are at the end of a range; what rises passes each value once.
+    fn look_for_range(&mut self, rate: &Vector3<f64>) {
+        let peak = rate.amax();
+        self.open.peak = self.open.peak.max(peak);
+        let [high, low] = self.extremes.get_or_insert([*rate; 2]);
+        if peak > FAST
+            && (0..3).any(|axis| rate[axis].abs() > FAST && (rate[axis] == high[axis] || rate[axis] == low[axis]))
+        {
+            self.open.pinned = self.open.pinned.saturating_add(1);
+        }
+        *high = high.sup(rate);
+        *low = low.inf(rate);
+    }
+
+    fn close(&mut self, end: Stamp, broken: bool) -> Option<Stretch> {
+        let Open { start, angle, coning, first_moment, seconds, path, roughness, gap, peak, pinned, broken: was } =
+            std::mem::take(&mut self.open);
+        self.open.start = Some(end);
+        let stretch = Stretch {
+            start: start?,
+            end,
+            integrals: [0.0; 10],
+            path: path as f32,
+            roughness: roughness as f32,
+            gap: gap as f32,
+            peak: peak as f32,
+            pinned,
+            broken: broken || was,
+        };
+        Some(stretch.with(&Piece { angle, coning, moment: first_moment * 2.0 - angle * seconds, seconds }))
+    }
+}

@@ -1,0 +1,282 @@
+//! Turns between rests: what is integrated, what is remembered, and what it says of a sensor.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use crate::hand::{Hand, Held};
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+use stillpoint::Stamp;
+use stillpoint::imu::Sensor;
+use stillpoint::still::{self, Outcome, Rest, Segmenter};
+use stillpoint::turns::{Candidate, Ends, History, Limit, Piece, Preintegrator, predict};
+
+/// A rate that wanders smoothly, rad/s.
+#[derive(Clone, Debug)]
+struct Course {
+    waves: Vec<([f64; 3], f64, f64)>,
+}
+
+impl Course {
+    fn rate(&self, t: f64) -> Vector3<f64> {
+        let fade = (PI * t / 2.0).sin().powi(2);
+        self.waves
+            .iter()
+            .map(|(size, rate, phase)| Vector3::from(*size) * (rate * t + phase).sin())
+            .sum::<Vector3<f64>>()
+            * fade
+    }
+}
+
+fn course() -> impl Strategy<Value = Course> {
+    let wave = (prop::array::uniform3(-1.5..1.5), 0.5..4.0, 0.0..6.0);
+    prop::collection::vec(wave, 1..4).prop_map(|waves| Course { waves })
+}
+
+/// Two seconds of readings at so many Hz, preintegrated.
+fn pieces(course: &Course, hz: f64, sensitivity: &Matrix3<f64>, bias: &Vector3<f64>, limit: Limit) -> Vec<Piece> {
+    let mut integrator = Preintegrator::default();
+    let samples = (0..=(2.0 * hz) as i64 + 1).map(|i| (i as f64 / hz, i));
+    let stretches = samples.filter_map(|(t, _)| {
+        let reading = sensitivity * course.rate(t.min(2.0)) + bias;
+        integrator.push(Stamp::from_nanos((t * 1e9).round() as i64), &reading, &limit)
+    });
+    stretches.map(|stretch| stretch.piece()).collect()
+}
+
+/// Direction after, by brute force.
+fn brute(course: &Course, up: Vector3<f64>, until: f64) -> Vector3<f64> {
+    const STEPS: usize = 20_000;
+    let step = until / STEPS as f64;
+    (0..STEPS).fold(up, |up, i| {
+        let rate = course.rate((i as f64 + 0.5) * step);
+        nalgebra::Rotation3::from_scaled_axis(rate * step).inverse() * up
+    })
+}
+
+fn small_matrix() -> impl Strategy<Value = Matrix3<f64>> {
+    prop::array::uniform9(-0.03..0.03).prop_map(|entries| Matrix3::identity() + Matrix3::from_row_slice(&entries))
+}
+
+fn small_vector() -> impl Strategy<Value = Vector3<f64>> {
+    prop::array::uniform3(-0.05..0.05).prop_map(Vector3::from)
+}
+
+fn unit() -> impl Strategy<Value = Vector3<f64>> {
+    prop::array::uniform3(-1.0..1.0_f64)
+        .prop_map(Vector3::from)
+        .prop_filter_map("a direction", |v| v.try_normalize(0.1))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever bias and sensitivity are tried afterwards: it comes to where an integration of the truth comes.
+    #[test]
+    fn pieces_come_to_where_the_truth_comes(
+        course in course(), sensitivity in small_matrix(), bias in small_vector(), up in unit()
+    ) {
+        let pieces = pieces(&course, 200.0, &sensitivity, &bias, Limit::default());
+        let until: f64 = pieces.iter().map(|piece| piece.seconds).sum();
+        let ends = Ends { up: [up; 2], rate: [bias; 2], by_up: Matrix3::zeros() };
+        let candidate = Candidate::of_inverse(sensitivity.try_inverse().unwrap());
+        let found = predict(pieces.iter(), &candidate, &ends).up;
+        let expected = brute(&course, up, until);
+        prop_assert!((found - expected).norm() < 3e-4, "{}", (found - expected).norm());
+    }
+
+    /// Two pieces as one are the piece that would have been integrated.
+    #[test]
+    fn pieces_put_together_are_one(course in course(), bias in small_vector()) {
+        let fine = pieces(&course, 100.0, &Matrix3::identity(), &bias, Limit { path: 0.03, seconds: 0.04 });
+        let sum = fine.iter().copied().reduce(|one, next| one.then(&next)).unwrap();
+        let long = pieces(&course, 100.0, &Matrix3::identity(), &bias, Limit { path: 1e9, seconds: sum.seconds - 1e-6 });
+        prop_assert_eq!(long.len(), 1);
+        prop_assert!((sum.angle - long[0].angle).norm() < 2e-6);
+        prop_assert!((sum.coning - long[0].coning).norm() < 2e-6);
+        prop_assert!((sum.moment - long[0].moment).norm() < 2e-6);
+    }
+
+    #[test]
+    fn derivatives_are_those_of_differences(
+        course in course(), matrix in small_matrix(), bias in small_vector(), up in unit(), row in 0..3_usize, column in 0..3_usize
+    ) {
+        let pieces = pieces(&course, 100.0, &Matrix3::identity(), &bias, Limit::default());
+        let at = |matrix: Matrix3<f64>, up: Vector3<f64>, rate: Vector3<f64>| {
+            let ends = Ends { up: [up; 2], rate: [rate; 2], by_up: Matrix3::zeros() };
+            predict(pieces.iter(), &Candidate::of_inverse(matrix), &ends)
+        };
+        let here = at(matrix, up, bias);
+        let step = 1e-5;
+        let mut moved = matrix;
+        moved[(row, column)] += step;
+        let by_entry = (at(moved, up, bias).up - here.up) / step;
+        prop_assert!((by_entry - here.by_inverse.column(3 * row + column)).norm() < 2e-3);
+        let by_start = (at(matrix, up + Vector3::ith(row, step), bias).up - here.up) / step;
+        prop_assert!((by_start - here.by_up.column(row)).norm() < 1e-6);
+        let by_rate = (at(matrix, up, bias - Vector3::ith(row, step)).up - here.up) / step;
+        prop_assert!((by_rate - here.by_rate.column(row)).norm() < 0.05);
+    }
+}
+
+/// What a history makes of a recording, and its rests.
+fn followed(hand: &Hand) -> (History, Vec<Rest>) {
+    let mut segmenter = Segmenter::new(&still::Config::default(), 0);
+    let (mut history, mut rests) = (History::default(), Vec::new());
+    for (sensor, sample) in &hand.samples {
+        let outcome = segmenter.push(*sensor, sample);
+        if *sensor == Sensor::Gyroscope && outcome != Outcome::Dropped {
+            history.push(sample);
+        }
+        if let Some((since, until)) = segmenter.open_rest() {
+            history.at_rest(since, until);
+        }
+        while let Some(rest) = segmenter.next_rest() {
+            history.rest(&rest);
+            rests.push(rest);
+        }
+    }
+    segmenter.finish();
+    while let Some(rest) = segmenter.next_rest() {
+        history.rest(&rest);
+        rests.push(rest);
+    }
+    (history, rests)
+}
+
+fn passage(history: &History, from: &Rest, to: &Rest) -> Option<stillpoint::turns::Passage> {
+    let rate = [from, to].map(|rest| rest.gyroscope.as_ref().unwrap().mean);
+    let up = [from, to].map(|rest| rest.accelerometer.mean.normalize());
+    history.passage([from.start, to.start], rate, up)
+}
+
+#[test]
+fn a_bump_turns_nowhere_and_a_lift_does() {
+    for seed in 0..5 {
+        let hand = Hand::new(Held::default(), seed).rest(3.0).bump(0.6).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 1.5);
+        // Lifted, tilted and put back where it was.
+        let hand = hand.rest(3.0).turn(Vector3::z() * 0.5, 0.8).turn(Vector3::z() * -0.5, 0.8).rest(3.0);
+        let (history, rests) = followed(&hand);
+        assert_eq!(rests.len(), 4);
+        let bump = passage(&history, &rests[0], &rests[1]).unwrap();
+        assert!(bump.turned.unwrap() < 0.01 && bump.furthest.unwrap() < 0.02, "{bump:?}");
+        let turn = passage(&history, &rests[1], &rests[2]).unwrap();
+        assert!((turn.furthest.unwrap() - FRAC_PI_2).abs() < 0.4 && turn.path > 1.5, "{turn:?}");
+        let lift = passage(&history, &rests[2], &rests[3]).unwrap();
+        assert!(lift.turned.unwrap() < 0.02 && lift.furthest.unwrap() > 0.3, "{lift:?}");
+        // Across rests in between, whatever is thought of them.
+        let all = passage(&history, &rests[0], &rests[3]).unwrap();
+        assert!((all.turned.unwrap() - FRAC_PI_2).abs() < 0.05, "{all:?}");
+    }
+}
+
+/// Where gravity is predicted to be after a turn, against where it was found, in rad.
+fn miss(history: &History, rests: &[Rest], [from, to]: [usize; 2], unit: f64) -> f64 {
+    let believed = |start: Stamp| start == rests[from].start || start == rests[to].start;
+    let turns = history.turns(believed);
+    let turn = turns.iter().find(|turn| turn.from == rests[from].start).unwrap();
+    assert_eq!((turn.to, turn.unusable(None)), (rests[to].start, None));
+    assert!(turn.resolves(unit));
+    let [before, after] = [&rests[from], &rests[to]];
+    let up = [before, after].map(|rest| rest.accelerometer.mean.normalize());
+    let rate = [before, after].map(|rest| rest.gyroscope.as_ref().unwrap().mean);
+    let candidate = Candidate::of_inverse(Matrix3::identity() * unit);
+    let found = predict(turn.pieces().iter(), &candidate, &Ends { up, rate, by_up: Matrix3::zeros() }).up;
+    found.cross(&up[1]).norm().atan2(found.dot(&up[1]))
+}
+
+#[test]
+fn turns_tell_where_gravity_went_whatever_the_unit() {
+    for (per_radian, hz) in [(1.0, 100.0), (180.0 / PI, 100.0), (1000.0, 200.0), (939.65, 50.0)] {
+        let held = Held { gyro_sensitivity: Matrix3::identity() * per_radian, rate_hz: hz, ..Held::default() };
+        let ceiling = still::Config::default().gyro_ceiling * per_radian.max(1.0);
+        let hand = Hand::new(held, 3).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 1.5).rest(3.0);
+        let hand = hand.turn(Vector3::new(1.0, 1.0, 0.2), 2.0).rest(0.6).turn(Vector3::y() * PI, 2.5).rest(70.0);
+        let mut segmenter = Segmenter::new(&still::Config { gyro_ceiling: ceiling, ..still::Config::default() }, 0);
+        let (mut history, mut rests) = (History::default(), Vec::new());
+        for (sensor, sample) in &hand.samples {
+            segmenter.push(*sensor, sample);
+            if *sensor == Sensor::Gyroscope {
+                history.push(sample);
+            }
+            if let Some((since, until)) = segmenter.open_rest() {
+                history.at_rest(since, until);
+            }
+            while let Some(rest) = segmenter.next_rest() {
+                history.rest(&rest);
+                rests.push(rest);
+            }
+        }
+        assert!(rests.len() >= 4, "{per_radian}: {}", rests.len());
+        assert!(miss(&history, &rests, [0, 1], 1.0 / per_radian) < 0.01);
+        // Across a rest that is not believed.
+        assert!(miss(&history, &rests, [1, 3], 1.0 / per_radian) < 0.02);
+    }
+}
+
+#[test]
+fn a_history_stays_small_and_goes_on_from_where_it_was_stored() {
+    let mut hand = Hand::new(Held::default(), 5);
+    let mut largest = 0;
+    for i in 0..60 {
+        let axis = Vector3::ith(i % 3, if i % 2 == 0 { FRAC_PI_2 } else { PI });
+        hand = hand.rest(2.0).turn(axis, 1.5);
+        if i % 20 == 19 {
+            // A walk.
+            hand = (0..40).fold(hand, |hand, _| hand.turn(Vector3::z() * 3.0, 1.0));
+        }
+    }
+    let (whole, _) = followed(&hand);
+    let mut segmenter = Segmenter::new(&still::Config::default(), 0);
+    let mut history = History::default();
+    for (i, (sensor, sample)) in hand.samples.iter().enumerate() {
+        segmenter.push(*sensor, sample);
+        if *sensor == Sensor::Gyroscope {
+            history.push(sample);
+        }
+        if let Some((since, until)) = segmenter.open_rest() {
+            history.at_rest(since, until);
+        }
+        while let Some(rest) = segmenter.next_rest() {
+            history.rest(&rest);
+        }
+        if i % 501 == 0 {
+            let stored = rmp_serde::to_vec(&history).unwrap();
+            largest = largest.max(stored.len());
+            history = rmp_serde::from_slice(&stored).unwrap();
+        }
+    }
+    segmenter.finish();
+    while let Some(rest) = segmenter.next_rest() {
+        history.rest(&rest);
+    }
+    assert_eq!(rmp_serde::to_vec(&history).unwrap(), rmp_serde::to_vec(&whole).unwrap());
+    assert!(largest <= 64 << 10, "{largest} bytes");
+}
+
+#[test]
+fn what_disqualifies_a_turn_is_said() {
+    use stillpoint::turns::Unusable;
+    let base = |seed| Hand::new(Held::default(), seed).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 1.5).rest(3.0);
+    let reason = |hand: &Hand, range| {
+        let (history, rests) = followed(hand);
+        let turns = history.turns(|start| rests.iter().any(|rest| rest.start == start));
+        turns.first().and_then(|turn| turn.unusable(range))
+    };
+    assert_eq!(reason(&base(1), None), None);
+    assert_eq!(reason(&base(1), Some(1.0)), Some(Unusable::Clipped));
+
+    let mut clipped = base(2);
+    clipped.samples.iter_mut().filter(|(sensor, _)| *sensor == Sensor::Gyroscope).for_each(|(_, sample)| {
+        sample.value = sample.value.map(|x| x.clamp(-1.2, 1.2));
+    });
+    assert_eq!(reason(&clipped, None), Some(Unusable::Clipped));
+
+    let mut lost = base(3);
+    lost.samples.retain(|(sensor, sample)| {
+        *sensor != Sensor::Gyroscope || !(4_600_000_000..4_750_000_000).contains(&sample.stamp.nanos())
+    });
+    assert_eq!(reason(&lost, None), Some(Unusable::Gap));
+
+    let slow = Hand::new(Held::default(), 4).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 25.0).rest(3.0);
+    assert_eq!(reason(&slow, None), Some(Unusable::TooLong));
+}
