@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::{Event, Message};
 use crate::record::{Annotation, Block, Topic};
+use crate::topic::{self, Kind};
 use block::OpenBlock;
 
 /// Turns events into blocks of annotations.
@@ -31,13 +32,14 @@ use block::OpenBlock;
 /// use stillpoint::annotate::{Annotator, Encoding};
 /// use stillpoint::engine::{Event, Message};
 /// use stillpoint::messages::Stillness;
+/// use stillpoint::topic;
 ///
 /// let mut annotator = Annotator::new(Encoding::Protobuf);
 /// let event = Event { log_time: 1, message: Message::Stillness(Stillness::default()) };
 /// assert!(annotator.push("/imu/data", &event).is_none());
 /// let block = annotator.finish().unwrap();
 /// assert_eq!(block.annotations.len(), 1);
-/// assert_eq!(annotator.topics()[0].name, "/imu/data/stillpoint/stillness");
+/// assert_eq!(annotator.topics()[0].name, topic::of("/imu/data", topic::Kind::Stillness));
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Annotator {
@@ -61,7 +63,7 @@ impl Annotator {
 
     /// Takes an event of the IMU of that output name. Returns the block that had to be closed before it, if any.
     pub fn push(&mut self, imu: &str, event: &Event) -> Option<Block> {
-        let (name, encoding) = (topic_name(imu, &event.message), self.encoding);
+        let (name, encoding) = (topic::of(imu, kind_of(&event.message)), self.encoding);
         let place = self.place_of(&name, || encoding.topic(name.clone(), &event.message));
         let annotation = self.annotation(place, event.log_time, encoding.encode(&event.message));
         let urgent = matches!(event.message, Message::Segment(_) | Message::Calibration(_));
@@ -114,15 +116,15 @@ impl Annotator {
     }
 }
 
-/// The topic of a message. Logs of all IMUs share one, where viewers look for it.
-fn topic_name(imu: &str, message: &Message) -> String {
+/// What the topic of a message is for.
+fn kind_of(message: &Message) -> Kind {
     match message {
-        Message::Stillness(_) => format!("{imu}/stillpoint/stillness"),
-        Message::Segment(_) => format!("{imu}/stillpoint/segment"),
-        Message::Turn(_) => format!("{imu}/stillpoint/turn"),
-        Message::Noise(_) => format!("{imu}/stillpoint/noise"),
-        Message::Coverage(_) => format!("{imu}/stillpoint/coverage"),
-        Message::Calibration(_) => format!("{imu}/stillpoint/calibration"),
-        Message::Log(_) => "/stillpoint/log".to_owned(),
+        Message::Stillness(_) => Kind::Stillness,
+        Message::Segment(_) => Kind::Segment,
+        Message::Turn(_) => Kind::Turn,
+        Message::Noise(_) => Kind::Noise,
+        Message::Coverage(_) => Kind::Coverage,
+        Message::Calibration(_) => Kind::Calibration,
+        Message::Log(_) => Kind::Log,
     }
 }

@@ -99,6 +99,7 @@ pub enum Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::topic;
 
     fn file(text: &str) -> Layer {
         Layer::file("a.toml", text)
@@ -222,8 +223,8 @@ mod tests {
                 "a.toml:4: `imu.1.topic`: two IMUs are called /a; give one of them another `name`",
             ),
             (
-                "[[imu]]\ntopic='/a/stillpoint/x'",
-                "a.toml:2: `imu.0.topic`: topics that contain /stillpoint/ are annotations, not sources",
+                &format!("[[imu]]\ntopic='{}'", topic::of("/a", topic::Kind::Segment)),
+                &format!("a.toml:2: `imu.0.topic`: topics that contain {} are annotations, not sources", topic::MARK),
             ),
         ] {
             assert_eq!(error(&[file(text)]), expected);

@@ -46,6 +46,7 @@ pub mod report;
 pub mod run;
 pub mod simulate;
 pub mod still;
+pub mod topic;
 pub mod turns;
 
 mod error;

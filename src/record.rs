@@ -28,7 +28,7 @@ pub use fold::{Fold, Piece, Tail};
 pub use inventory::Inventory;
 pub use own::{Kind, Original, recognise, recognise_scanned};
 pub use scan::{Damage, Event, Position, Scan, Supply};
-pub use sidecar::Sidecar;
+pub use sidecar::{Sidecar, SidecarBlocks};
 pub use walk::ReadAt;
 
 use std::collections::BTreeMap;

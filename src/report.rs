@@ -13,7 +13,7 @@ mod layout;
 mod page;
 mod parameters;
 mod plot;
-mod story;
+mod timeline;
 mod words;
 pub(crate) mod yaml;
 
@@ -26,7 +26,7 @@ pub use json::{coverage, drifts, imus, rests, triad};
 pub use layout::{LayoutImu, layout, quoted};
 pub use page::Page;
 pub use parameters::Parameters;
-pub use story::Story;
+pub use timeline::Timeline;
 pub use words::{estimate, model};
 
 use nalgebra::{Matrix3, Vector3};

@@ -16,7 +16,7 @@ mod watch;
 pub use crate::pipeline::{Ending, News, Progress, Tell};
 pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use input::{Input, Listener, Watch, text};
-pub use inspect::{Channels, Found, Stories, Use, channels, findings, stories, strip};
+pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
 pub use limits::allow_many_files;
 #[cfg(feature = "live")]
 pub use live::{Live, Session};

@@ -6,6 +6,7 @@ use stillpoint::config::Config;
 use stillpoint::imu::{ChannelRole, Sensor};
 use stillpoint::report::{self, LayoutImu};
 use stillpoint::run::{self, Input, Stop};
+use stillpoint::topic;
 
 use super::progress::Progress;
 use super::{Code, configuration, layer, print, print_json, reads, write};
@@ -52,7 +53,7 @@ fn imus(used: &run::Use) -> Vec<LayoutImu> {
             LayoutImu {
                 name: part.imu.clone(),
                 acceleration: at(&used.channel.topic),
-                corrected: at(&format!("{}/stillpoint/corrected", part.imu)),
+                corrected: at(&topic::of(&part.imu, topic::Kind::Corrected)),
                 frame_id: String::new(),
                 is_stamped: used.stamped.samples,
                 are_readings_stamped: used.stamped.messages,

@@ -2,7 +2,7 @@
 
 use console::style;
 use serde_json::{Value, json};
-use stillpoint::report::{self, Findings, Page, Story};
+use stillpoint::report::{self, Findings, Page, Timeline};
 use stillpoint::run::{self, Input, Stop};
 use stillpoint::{Error, printable};
 
@@ -16,51 +16,51 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
     let earlier = import::against(&args.against)?;
     let earlier = earlier.as_deref();
     let recording = Input::open(&args.input)?;
-    let stories = {
+    let data = {
         let progress = Progress::new(&recording, stop);
-        run::stories(&recording, &config, &|done| progress.watch(done))?
+        run::report_data(&recording, &config, &|done| progress.watch(done))?
     };
     if json {
-        print_json(&machine(&stories.imus, earlier))?;
+        print_json(&machine(&data.imus, earlier))?;
     }
     if let Some(output) = &args.output {
         let name = args.input.file_name().unwrap_or_default().to_string_lossy();
-        let (imus, notes, settings) = (&stories.imus, &stories.notes, &stories.settings);
-        let page = Page { recording: &name, stories: imus, notes, settings, earlier };
+        let (imus, notes, settings) = (&data.imus, &data.notes, &data.settings);
+        let page = Page { recording: &name, timelines: imus, notes, settings, earlier };
         let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
         write(&page.html(), Some(output), args.force, &reads)?;
         tracing::info!("wrote {}", output.display());
     } else if !json {
-        let text: Vec<_> = stories.imus.iter().map(|story| people(story, earlier)).collect();
-        let notes: String = stories.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
+        let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier)).collect();
+        let notes: String = data.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
         let text = format!("{}\n{notes}", text.join("\n\n"));
         // The summary is coloured for standard error; what is piped has no colours.
         let plain = !console::colors_enabled();
         print(&if plain { console::strip_ansi_codes(&text).into_owned() } else { text })?;
     }
-    Ok(damaged(stories.damages, args.accept_damage))
+    Ok(damaged(data.damages, args.accept_damage))
 }
 
-fn machine(stories: &[Story], earlier: Option<&[Findings]>) -> Value {
-    let mut result = json!({"imus": report::imus(stories.iter().map(|story| &story.findings))});
+fn machine(timelines: &[Timeline], earlier: Option<&[Findings]>) -> Value {
+    let mut result = json!({"imus": report::imus(timelines.iter().map(|timeline| &timeline.findings))});
     if let Some(earlier) = earlier {
-        result["drift"] = stories.iter().map(|story| report::drifts(&story.findings, earlier)).collect();
+        result["drift"] = timelines.iter().map(|timeline| report::drifts(&timeline.findings, earlier)).collect();
     }
     result
 }
 
-fn people(story: &Story, earlier: Option<&[Findings]>) -> String {
-    let mut lines = vec![summary::imu(&story.findings, earlier)];
-    lines.extend(timeline(story));
-    lines.extend(rests(&story.findings));
+fn people(timeline: &Timeline, earlier: Option<&[Findings]>) -> String {
+    let mut lines = vec![summary::imu(&timeline.findings, earlier)];
+    lines.extend(bar(timeline));
+    lines.extend(rests(&timeline.findings));
     lines.join("\n")
 }
 
 /// The recording as one line of blocks: rests on a face, rejected rests, motion.
-fn timeline(story: &Story) -> Vec<String> {
+fn bar(timeline: &Timeline) -> Vec<String> {
     const COLUMNS: usize = 76;
-    let rests = &story.findings.rests;
-    let Some((from, until)) = story.span().filter(|(from, until)| from < until && !rests.is_empty()) else {
+    let rests = &timeline.findings.rests;
+    let Some((from, until)) = timeline.span().filter(|(from, until)| from < until && !rests.is_empty()) else {
         return Vec::new();
     };
     let seconds = until.seconds_since(from);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::Config;
-use crate::{fit, imu, still};
+use crate::{fit, imu, still, topic};
 
 /// A value that makes no sense.
 pub(super) struct Fault {
@@ -60,12 +60,12 @@ fn secondaries(imu: usize, secondaries: &[imu::SecondaryConfig]) -> Result<(), F
     Ok(())
 }
 
-fn topic(key: &str, topic: &str) -> Result<(), Fault> {
-    if topic.is_empty() {
+fn topic(key: &str, name: &str) -> Result<(), Fault> {
+    if name.is_empty() {
         return fault(key, "must not be empty");
     }
-    if topic.contains("/stillpoint/") {
-        return fault(key, "topics that contain /stillpoint/ are annotations, not sources");
+    if topic::is_annotation(name) {
+        return fault(key, format!("topics that contain {} are annotations, not sources", topic::MARK));
     }
     Ok(())
 }

@@ -21,6 +21,7 @@ use crate::imu::sample::{ImuId, Reading, Sample, Sensor};
 use crate::imu::schema::layout::{Layout, SchemaError};
 use crate::imu::schema::lookup::nearest;
 use crate::record;
+use crate::topic;
 
 /// Turns the messages of a recording into samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,7 +81,7 @@ impl Intake {
         if !self.verdicts.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
             let verdict = match Layout::new(&channel.message_encoding, schema) {
-                _ if channel.topic.contains("/stillpoint/") => ChannelRole::Annotation,
+                _ if topic::is_annotation(&channel.topic) => ChannelRole::Annotation,
                 Ok(layout) => self.judge(channel.id, &channel.topic, &layout),
                 Err(SchemaError::Untold) => {
                     self.untold.insert(channel.id, channel.clone());

@@ -6,25 +6,23 @@ mod engine_setup;
 mod notes;
 mod restore;
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 use self::engine_setup::{engine_config, topic_of};
-pub(crate) use self::notes::{missing, not_corrected, uncorrected};
+pub(crate) use self::notes::{not_corrected, uncorrected};
 use crate::Stamp;
 use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message};
 use crate::fit::{Gravity, Place, Source};
-use crate::imu::{ChannelRole, Imu, ImuId, Intake, Position, Reading, Sensor};
+use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
-use crate::pipeline::channel_ids::Roster;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{News, Tell};
+use crate::pipeline::sources::Sources;
 use crate::printable;
-use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Schema, Topic};
+use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Topic};
 use crate::report::Findings;
 
 /// Damages that are told one by one; of further ones only the number is kept.
@@ -36,10 +34,7 @@ pub(crate) struct Learner {
     /// The same for all of a recording.
     #[serde(skip)]
     config: Config,
-    intake: Intake,
-    /// Of this split.
-    schemas: BTreeMap<u16, Schema>,
-    roster: Roster,
+    sources: Sources,
     /// What the damages of this split are told with, where there are several.
     split: Option<String>,
     imus: Vec<Learning>,
@@ -48,9 +43,6 @@ pub(crate) struct Learner {
     closed: bool,
     #[serde(skip)]
     blocks: Vec<Block>,
-    channels: Vec<Channel>,
-    /// Names of their schemas.
-    kinds: Vec<String>,
     corrector: Corrector,
     damage: Vec<Damage>,
     damages: u64,
@@ -83,8 +75,6 @@ pub(crate) struct Learned {
     pub(crate) channels: Vec<(Channel, ChannelRole)>,
     /// What was refused or missed, one line each.
     pub(crate) notes: Vec<String>,
-    /// What the configuration names and the recording lacks, of the notes.
-    pub(crate) missing: Vec<String>,
     /// The first ones.
     pub(crate) damage: Vec<Damage>,
     pub(crate) damages: u64,
@@ -96,17 +86,13 @@ impl Learner {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             config: config.clone(),
-            intake: Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone()),
-            schemas: BTreeMap::new(),
-            roster: Roster::default(),
+            sources: Sources::new(config),
             split: None,
             begun: false,
             closed: false,
-            kinds: Vec::new(),
             imus: Vec::new(),
             annotator: Annotator::new(config.output.encoding.in_profile("")),
             blocks: Vec::new(),
-            channels: Vec::new(),
             corrector: Corrector::default(),
             damage: Vec::new(),
             damages: 0,
@@ -119,8 +105,8 @@ impl Learner {
 
     /// Tells of the channels so far once more.
     pub(crate) fn tell_channels(&self, tell: Tell<'_>) {
-        for channel in &self.channels {
-            tell(News::Channel { channel, schema: self.schemas.get(&channel.schema_id) });
+        for entry in self.sources.table.iter() {
+            tell(News::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
         }
     }
 
@@ -138,26 +124,17 @@ impl Learner {
                 self.begun = true;
                 self.annotator = Annotator::new(self.config.output.encoding.in_profile(profile));
             }
-            Event::Schema(schema) => {
-                self.schemas.insert(schema.id, schema.clone());
-            }
-            Event::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id);
-                if let Some(channel) = self.roster.enlist(channel, schema) {
-                    self.intake.channel(&channel, schema);
-                    self.corrector.channel(&channel, schema);
-                    tell(News::Channel { channel: &channel, schema });
-                    self.channels.push(channel);
-                    self.kinds.push(schema.map(|schema| schema.name.clone()).unwrap_or_default());
-                    for (imu, learning) in self.intake.imus().iter().zip(&mut self.imus) {
+            Event::Schema(_) | Event::Channel(_) => {
+                if let Some(entry) = self.sources.take(&event) {
+                    tell(News::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
+                    for (imu, learning) in self.sources.intake.imus().iter().zip(&mut self.imus) {
                         learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
                     }
                 }
             }
             Event::Message(message) => {
                 self.log_time = message.log_time;
-                let message = Recorded { channel: self.roster.id(message.channel), ..message };
-                if self.intake.wants(message.channel) {
+                if let Some(message) = self.sources.wanted(message) {
                     self.message(&message, tell);
                     self.correct(&message, tell);
                 }
@@ -181,9 +158,9 @@ impl Learner {
         }
     }
 
-    /// Whether messages on these channels, all of them known, teach nothing.
+    /// Whether messages on these channels teach nothing.
     pub(crate) fn is_useless(&self, channels: &[u16]) -> bool {
-        channels.iter().all(|&id| self.roster.knows(id) && !self.intake.wants(self.roster.id(id)))
+        self.sources.is_useless(channels)
     }
 
     /// Hands over the blocks that were closed since the last time, so that they do not pile up.
@@ -204,9 +181,8 @@ impl Learner {
     /// A split begins, of several if it has a name.
     pub(crate) fn begin_split(&mut self, name: Option<String>, is_first: bool) {
         self.split = name;
-        self.schemas.clear();
         if !is_first {
-            self.roster.begin_split();
+            self.sources.begin_split();
         }
     }
 
@@ -221,15 +197,9 @@ impl Learner {
         !self.imus.is_empty()
     }
 
-    /// Every channel so far, what it is used for, and the name of its schema.
-    pub(crate) fn channels(&self) -> impl Iterator<Item = (&Channel, &ChannelRole, &str)> + Clone {
-        let channels = self.channels.iter().zip(&self.kinds);
-        channels.map(|(channel, kind)| (channel, self.intake.verdict(channel.id), kind.as_str()))
-    }
-
-    /// What the configuration names and the recording lacks so far, one line each.
-    pub(crate) fn missing(&self) -> Vec<String> {
-        missing(&self.intake)
+    /// What there is, as far as it has been read.
+    pub(crate) fn sources(&self) -> &Sources {
+        &self.sources
     }
 
     /// The last split has ended, too.
@@ -249,21 +219,16 @@ impl Learner {
         if !self.closed {
             self.close(tell);
         }
-        let faults = self.intake.faults().into_iter().map(|fault| fault.to_string());
+        let faults = self.sources.intake.faults().into_iter().map(|fault| fault.to_string());
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
-        let missing = self.missing();
-        let notes = faults.chain(missing.iter().cloned()).chain(stuck).collect();
-        let verdict = |channel: Channel| {
-            let verdict = self.intake.verdict(channel.id).clone();
-            (channel, verdict)
-        };
+        let notes = faults.chain(self.sources.missing()).chain(stuck).collect();
+        let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
-            channels: self.channels.into_iter().map(verdict).collect(),
+            channels: channels.collect(),
             notes,
-            missing,
             damage: self.damage,
             damages: self.damages,
             annotator: self.annotator,
@@ -271,21 +236,21 @@ impl Learner {
     }
 
     fn message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
-        if let Some(fix) = self.intake.fix(message.channel, message.data) {
+        if let Some(fix) = self.sources.intake.fix(message.channel, message.data) {
             self.locate(fix, tell);
         }
         let readings = &mut self.readings;
         let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
-        self.intake.message(message.channel, message.log_time, message.data, &mut keep);
+        self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
         let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
         tell(News::Message { message, samples: samples.count() });
-        for imu in self.intake.imus().iter().skip(self.imus.len()) {
+        for imu in self.sources.intake.imus().iter().skip(self.imus.len()) {
             let mut engine = Engine::new(engine_config(imu, &self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
             let findings = self.nothing_of(imu);
             self.imus.push(Learning { engine, findings, corrections: None });
         }
-        for notice in self.intake.take_notices() {
+        for notice in self.sources.intake.take_notices() {
             self.log(Level::Warning, notice.text, tell);
         }
         for i in 0..self.readings.len() {
@@ -315,7 +280,7 @@ impl Learner {
                     tell(News::Corrected { topic, annotation });
                 }
             };
-            self.corrector.correct(message, &self.intake, by, &mut self.annotator, &mut self.blocks, tell);
+            self.corrector.correct(message, &self.sources, by, &mut self.annotator, &mut self.blocks, tell);
         }
     }
 
@@ -340,13 +305,13 @@ impl Learner {
 
     /// Type of the messages on a topic.
     fn source_type(&self, topic: &str) -> String {
-        let kind = self.channels().find(|(channel, ..)| channel.topic == topic).map(|(.., kind)| kind);
-        kind.unwrap_or_default().to_owned()
+        let entry = self.sources.table.iter().find(|entry| entry.channel.topic == topic);
+        entry.map(|entry| entry.schema_name().to_owned()).unwrap_or_default()
     }
 
     /// Annotates the events of an IMU.
     fn publish(&mut self, imu: usize, tell: Tell<'_>) {
-        let name = self.intake.imus().get(imu).map_or("", |imu| &imu.name);
+        let name = self.sources.intake.imus().get(imu).map_or("", |imu| &imu.name);
         let mut left = None;
         for event in self.events.drain(..) {
             self.blocks.extend(self.annotator.push(name, &event));

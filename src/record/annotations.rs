@@ -10,7 +10,7 @@ use super::wire::{Fields, Put as _};
 /// A topic that annotations are written to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Topic {
-    /// Full name, `/imu/data/stillpoint/segment` for instance.
+    /// Full name, as [`topic::of`](crate::topic::of) gives it.
     pub name: String,
     /// Type name of its messages; empty, with the two below, for messages without schema. What is the same as a schema
     /// of the recording is written with its id.

@@ -36,6 +36,14 @@ pub enum Error {
         /// What the compressor says.
         cause: io::Error,
     },
+    /// A sidecar that grows is not as it was written.
+    #[error("the annotations at byte {offset} are not as they were written: {what}")]
+    Sidecar {
+        /// Where.
+        offset: u64,
+        /// What is wrong.
+        what: String,
+    },
     /// The bytes of the recording could not be had.
     #[error("cannot read the recording at byte {offset}: {cause}")]
     Read {

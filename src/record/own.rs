@@ -11,6 +11,7 @@ use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_m
 use super::walk::{ReadAt, Walk, read, summary_section};
 use super::wire::{DATA_END, FRAME, Fields, op};
 use super::{Channel, Error, Inventory};
+use crate::topic;
 
 /// Largest header or metadata record that can be ours, in bytes.
 const LIMIT: u64 = 1 << 24;
@@ -145,7 +146,7 @@ impl Traces {
     }
 
     fn note_channel(&mut self, channel: &Channel) {
-        if channel.topic.contains("/stillpoint/") {
+        if topic::is_annotation(&channel.topic) {
             self.ours.insert(channel.id);
         }
     }

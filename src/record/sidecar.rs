@@ -6,11 +6,14 @@ use std::collections::BTreeMap;
 use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
+use super::chunk::{Inflate, LIMIT, locate};
 use super::emitter::{Emitter, Manner, Taken};
 use super::fold::{library, write_settings};
 use super::records::Header;
 use super::summary::Summary;
-use super::{Block, Error, Piece, Topic};
+use super::walk::{ReadAt, Walk};
+use super::wire::{Fields, op};
+use super::{Annotation, Block, Channel, Error, Message, Piece, Topic};
 
 /// Writes a sidecar: the bytes of [`Sidecar::open`], of each [`Sidecar::block`], and the pieces of [`Sidecar::close`].
 ///
@@ -49,4 +52,69 @@ impl Sidecar {
     pub fn close(self) -> Vec<Piece> {
         self.emitter.close()
     }
+}
+
+/// The blocks of a sidecar, in the order of writing, while it grows or when it is whole.
+pub struct SidecarBlocks {
+    walk: Walk,
+    inflate: Inflate,
+    /// Topics of the channels met so far.
+    channels: BTreeMap<u16, String>,
+}
+
+/// How much is read at a time, in bytes.
+const READ: u64 = 1 << 18;
+
+impl SidecarBlocks {
+    /// Those in the first `length` bytes.
+    pub fn new(length: u64) -> Self {
+        let start = (MAGIC.len() as u64).min(length);
+        Self { walk: Walk::new(start..length, READ), inflate: Inflate::default(), channels: BTreeMap::new() }
+    }
+
+    /// The next one; `None` behind the last. Its topics are places in the list.
+    ///
+    /// # Errors
+    /// If the sidecar cannot be read or is damaged.
+    pub fn next(&mut self, file: &mut impl ReadAt, topics: &[Topic]) -> Result<Option<Block>, Error> {
+        while let Some(frame) = self.walk.next(file)? {
+            let damaged = |what: String| Error::Sidecar { offset: frame.offset, what };
+            match frame.opcode {
+                op::CHUNK => {
+                    let body = self.walk.body(file, frame, LIMIT)?;
+                    let (header, data) = locate(body, frame.length).map_err(damaged)?;
+                    let data = body.get(data).unwrap_or_default();
+                    let place = self.inflate.open(&header, data).map_err(damaged)?;
+                    let records = self.inflate.records(place, data);
+                    let block = read_block(records, &mut self.channels, topics);
+                    return block.ok_or_else(|| damaged("holds a malformed record".to_owned())).map(Some);
+                }
+                op::DATA_END => return Ok(None),
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The annotations among the records of a chunk.
+fn read_block(records: &[u8], channels: &mut BTreeMap<u16, String>, topics: &[Topic]) -> Option<Block> {
+    let mut fields = Fields(records);
+    let mut block = Block::default();
+    while !fields.0.is_empty() {
+        match fields.record()? {
+            (op::CHANNEL, body) => {
+                let channel = Channel::parse(body)?;
+                channels.insert(channel.id, channel.topic);
+            }
+            (op::MESSAGE, body) => {
+                let Message { channel, sequence, log_time, data, .. } = Message::parse(body)?;
+                let name = channels.get(&channel)?;
+                let topic = topics.iter().position(|topic| topic.name == *name)?;
+                block.annotations.push(Annotation { topic, sequence, log_time, data: data.to_vec() });
+            }
+            _ => {}
+        }
+    }
+    Some(block)
 }

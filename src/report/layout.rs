@@ -7,6 +7,8 @@
 
 use serde_json::{Map, Value, json};
 
+use crate::topic::{self, Kind};
+
 /// An IMU as a layout needs to know it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LayoutImu {
@@ -27,6 +29,13 @@ pub struct LayoutImu {
 
 const COLOURS: [&str; 3] = ["#0072b2", "#d55e00", "#009e73"];
 const AXES: [&str; 3] = ["x", "y", "z"];
+/// What stands for topics in the scripts.
+const TOPICS: [(&str, Kind); 4] = [
+    ("STILLNESS_TOPIC", Kind::Stillness),
+    ("SEGMENT_TOPIC", Kind::Segment),
+    ("COVERAGE_TOPIC", Kind::Coverage),
+    ("CALIBRATION_TOPIC", Kind::Calibration),
+];
 
 /// The layout: a tab for each IMU, if there are several.
 pub fn layout(imus: &[LayoutImu]) -> Value {
@@ -52,7 +61,7 @@ pub fn layout(imus: &[LayoutImu]) -> Value {
 
 /// The panels of one IMU, and how they stand beside each other.
 fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut Map<String, Value>) -> Value {
-    let [stillness, segment] = ["stillness", "segment"].map(|last| quoted(&format!("{}/stillpoint/{last}", imu.name)));
+    let [stillness, segment] = [Kind::Stillness, Kind::Segment].map(|kind| quoted(&topic::of(&imu.name, kind)));
     let [bands, gravity, diagnostics] =
         ["bands", "gravity", "diagnostics"].map(|name| format!("/studio_script/{name}{i}"));
     for (name, title, code) in [
@@ -60,7 +69,11 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         ("gravity", "Gravity", include_str!("layout/gravity.ts")),
         ("diagnostics", "Diagnostics", include_str!("layout/diagnostics.ts")),
     ] {
-        let source = code.replace("IMU", &plain(&imu.name)).replace("PLACE", &i.to_string());
+        let mut source = code.to_owned();
+        for (place, kind) in TOPICS {
+            source = source.replace(place, &plain(&topic::of(&imu.name, kind)));
+        }
+        let source = source.replace("IMU", &plain(&imu.name)).replace("PLACE", &i.to_string());
         let source = source.replace("FRAME", &plain(frame(imu)));
         let script = json!({"name": format!("{title} of {}", imu.name), "sourceCode": source});
         scripts.insert(format!("stillpoint-{name}-{i}"), script);
@@ -139,7 +152,7 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
     let log = put(
         "RosOut",
         "log",
-        json!({"foxglovePanelTitle": "Log", "topicToRender": "/stillpoint/log", "searchTerms": [], "minLogLevel": 1}),
+        json!({"foxglovePanelTitle": "Log", "topicToRender": topic::of("", Kind::Log), "searchTerms": [], "minLogLevel": 1}),
     );
     let scene = put(
         "3D",

@@ -11,7 +11,7 @@ mod signal;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use super::{Findings, Story, calibration, model, vector};
+use super::{Findings, Timeline, calibration, model, vector};
 use crate::Stamp;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
@@ -24,7 +24,7 @@ pub struct Page<'a> {
     /// Name of the recording.
     pub recording: &'a str,
     /// Its IMUs.
-    pub stories: &'a [Story],
+    pub timelines: &'a [Timeline],
     /// What was missed or wrong in it, one line each.
     pub notes: &'a [String],
     /// The settings that were used, as TOML.
@@ -36,11 +36,11 @@ pub struct Page<'a> {
 impl Page<'_> {
     /// The file.
     pub fn html(&self) -> String {
-        let Self { recording, stories, .. } = self;
-        let imus: String = stories.iter().map(|story| self.imu(story)).collect();
+        let Self { recording, timelines, .. } = self;
+        let imus: String = timelines.iter().map(|timeline| self.imu(timeline)).collect();
         let notes = list("notes", self.notes);
-        let plural = if stories.len() == 1 { "IMU" } else { "IMUs" };
-        let when = stories.iter().filter_map(Story::span).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+        let plural = if timelines.len() == 1 { "IMU" } else { "IMUs" };
+        let when = timelines.iter().filter_map(Timeline::span).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
         let when = when.map(|(from, until)| format!("{}{} · ", date(from), duration(until.seconds_since(from))));
         let settings = match self.settings {
             "" => String::new(),
@@ -57,13 +57,13 @@ impl Page<'_> {
             name = escape(recording),
             css = include_str!("page/page.css"),
             when = when.unwrap_or_default(),
-            n = stories.len(),
+            n = timelines.len(),
             version = env!("CARGO_PKG_VERSION"),
         )
     }
 
-    fn imu(&self, story: &Story) -> String {
-        let imu = Imu::new(story);
+    fn imu(&self, timeline: &Timeline) -> String {
+        let imu = Imu::new(timeline);
         let sections = [
             summary(&imu),
             signal::acceleration(&imu),
@@ -74,15 +74,15 @@ impl Page<'_> {
             signal::statistic(&imu),
             rests::rejected(&imu),
             rests::accepted(&imu),
-            log(story, &imu),
+            log(timeline, &imu),
         ];
         format!("<article>{}</article>\n", sections.concat())
     }
 }
 
-/// One IMU's story with what several sections need.
+/// One IMU's timeline with what several sections need.
 struct Imu<'a> {
-    story: &'a Story,
+    timeline: &'a Timeline,
     findings: &'a Findings,
     /// Where its clock begins, and how long it runs, in seconds.
     origin: Stamp,
@@ -108,10 +108,10 @@ struct Rest<'a> {
 }
 
 impl<'a> Imu<'a> {
-    fn new(story: &'a Story) -> Self {
-        let findings = &story.findings;
+    fn new(timeline: &'a Timeline) -> Self {
+        let findings = &timeline.findings;
         let first = findings.rests.keys().next().map(|&nanos| Stamp::from_nanos(nanos));
-        let (origin, end) = story.span().unwrap_or_else(|| {
+        let (origin, end) = timeline.span().unwrap_or_else(|| {
             let last = findings.rests.values().map(|rest| super::nanos(&rest.end)).max().unwrap_or_default();
             (first.unwrap_or_default(), Stamp::from_nanos(last))
         });
@@ -136,7 +136,7 @@ impl<'a> Imu<'a> {
             }
         };
         let rests = findings.rests.values().enumerate().map(rest).collect();
-        Self { story, findings, origin, seconds: end.seconds_since(origin).max(1e-3), rests }
+        Self { timeline, findings, origin, seconds: end.seconds_since(origin).max(1e-3), rests }
     }
 
     fn accelerometer(&self) -> Option<&'a Triad> {
@@ -203,12 +203,12 @@ fn tile(name: &str, value: &str) -> String {
     format!("<div class=\"tile\"><span>{name}</span><strong>{value}</strong></div>")
 }
 
-fn log(story: &Story, imu: &Imu<'_>) -> String {
-    if story.log.is_empty() {
+fn log(timeline: &Timeline, imu: &Imu<'_>) -> String {
+    if timeline.log.is_empty() {
         return String::new();
     }
     let mut rows = String::new();
-    for (at, level, text) in &story.log {
+    for (at, level, text) in &timeline.log {
         let at = Stamp::from_log_time(*at).seconds_since(imu.origin);
         let class = if *level >= Level::Warning { "warning" } else { "info" };
         let _ = write!(
@@ -218,8 +218,8 @@ fn log(story: &Story, imu: &Imu<'_>) -> String {
             escape(text)
         );
     }
-    if story.unlogged > 0 {
-        let _ = write!(rows, "<tr><td></td><td>… and {} more</td></tr>", story.unlogged);
+    if timeline.unlogged > 0 {
+        let _ = write!(rows, "<tr><td></td><td>… and {} more</td></tr>", timeline.unlogged);
     }
     format!("<details><summary>Log</summary><div class=\"scroll\"><table class=\"log\">{rows}</table></div></details>")
 }

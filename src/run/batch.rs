@@ -6,12 +6,13 @@ mod annotated_writer;
 mod split_learner;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use self::annotated_writer::{Draft, Kept, write_sidecar};
+pub(super) use self::annotated_writer::Indexes;
+use self::annotated_writer::{Draft, Kept, NextBlock, write_annotated, write_sidecar};
 use self::split_learner::Lesson;
 use crate::Error;
 use crate::annotate::{Corrected, Corrections};
@@ -25,7 +26,7 @@ use crate::run::input::recording::{Listener, Watch};
 use crate::run::input::rosbag2::Contents;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
-use crate::run::output::set::Target;
+pub(super) use crate::run::output::set::Target;
 
 /// How to annotate.
 #[derive(Clone, Copy, Debug, Default)]
@@ -128,8 +129,9 @@ pub fn annotate(
     let Lesson { learner, mut contents, messages, .. } = lesson;
     let mut learned = learner.finish(&mut |_| {});
     if twice {
-        let keep =
-            |split: usize, block: &Block| drafts.get_mut(split).map_or(&mut kept, |draft| &mut draft.kept).block(block);
+        let keep = |split: usize, block: &Block| {
+            drafts.get_mut(split).map_or(&mut kept, |draft| &mut draft.kept).blocks.push(block)
+        };
         correct_all(input, config, &mut learned, &mut contents, keep, watch)?;
     }
     let mut done = 0;
@@ -140,51 +142,39 @@ pub fn annotate(
     }
     if let (Some(mut output), Some(split)) = (sidecar.take(), input.splits.last()) {
         let profile = profile.unwrap_or_default();
-        write_sidecar(&mut output, split, &profile, &settings, learned.annotator.topics(), kept)?;
+        write_sidecar(&mut output, split, &profile, &settings, learned.annotator.topics(), kept.blocks)?;
         target.put(output, split)?;
     }
     let written = target.finish(&contents, learned.annotator.topics())?;
     Ok((Report::new(learned, messages), written))
 }
 
-/// A split that was read while it was recorded, and what is to be written behind it.
+/// A split that was read while it was recorded.
 pub(super) struct Followed<'a> {
-    inventory: &'a Inventory,
+    pub(super) inventory: &'a Inventory,
     /// How many topics of annotations there were at its end.
-    topics: usize,
-    kept: Kept,
-    contents: Contents,
+    pub(super) topics: usize,
+    /// How many blocks of annotations it got.
+    pub(super) blocks: u64,
+    pub(super) indexes: Indexes,
 }
 
-impl<'a> Followed<'a> {
-    pub(super) fn new(inventory: &'a Inventory, topics: usize, output: &Path) -> Self {
-        Self { inventory, topics, kept: Kept::beside(output), contents: Contents::of(inventory) }
-    }
-
-    /// Takes annotations.
-    pub(super) fn keep(&mut self, topics: &[Topic], block: &Block) -> Result<(), Error> {
-        self.contents.count(topics, block);
-        self.kept.block(block)
-    }
-}
-
-/// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself.
+/// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself. The
+/// blocks of all splits come from `next`, in their order.
 pub(super) fn fold(
     input: &Input,
     followed: Vec<Followed<'_>>,
+    next: NextBlock<'_>,
     learned: &Learned,
-    output: &Path,
-    config: &Config,
-    options: Options,
+    mut target: Target<'_>,
+    settings: &BTreeMap<String, String>,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    let settings = settings(config);
-    let mut target = Target::open(input, &[output.to_owned()], options)?;
     let report = Report::of(followed.iter().map(|split| split.inventory), learned);
     let all = learned.annotator.topics();
     let mut contents = Vec::new();
     for (index, (split, followed)) in input.splits.iter().zip(followed).enumerate() {
-        let output = target.next(index)?;
+        let mut output = target.next(index)?;
         let abandon = AtomicBool::new(false);
         thread::scope(|scope| {
             let copying = scope.spawn(|| output.copy_ahead(split, &abandon));
@@ -195,9 +185,17 @@ pub(super) fn fold(
             copying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         })?;
         watch(0)?;
-        let Followed { inventory, topics, kept, contents: here } = followed;
-        let draft = Draft { output, split, inventory: inventory.clone(), kept };
-        target.put(draft.write(&settings, all.get(..topics).unwrap_or(all), watch)?, split)?;
+        let Followed { inventory, topics, blocks, indexes } = followed;
+        let (topics, mut left) = (all.get(..topics).unwrap_or(all), blocks);
+        let mut here = Contents::of(inventory);
+        let mut next = || {
+            let block = if left == 0 { None } else { next()? };
+            left = left.saturating_sub(1);
+            block.iter().for_each(|block| here.count(all, block));
+            Ok(block)
+        };
+        write_annotated(&mut output, split, inventory.clone(), settings, topics, (&mut next, indexes), watch)?;
+        target.put(output, split)?;
         contents.push(here);
     }
     Ok((report, target.finish(&contents, all)?))

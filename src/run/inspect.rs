@@ -7,6 +7,6 @@ mod strip;
 pub(crate) mod topics;
 
 pub use findings::{Found, findings};
-pub use report_data::{Stories, stories};
+pub use report_data::{ReportData, report_data};
 pub use strip::strip;
 pub use topics::{Channels, Use, channels};

@@ -7,6 +7,7 @@
 pub(super) mod checkpoint;
 mod finish;
 mod follow;
+mod index_log;
 mod location;
 mod names;
 mod state;
@@ -14,7 +15,9 @@ mod state;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use self::index_log::IndexLog;
 use self::location::Trail;
+use self::names::index_log_of;
 pub use self::names::sidecar_of;
 pub(super) use self::names::{checkpoint_of, set_aside};
 use self::state::Course;
@@ -94,6 +97,7 @@ pub fn tail(
         owner: Owner { version: env!("CARGO_PKG_VERSION").to_owned(), configuration: config.canonical() },
         appending: Appending::open(&sidecar)?,
         checkpoint: Checkpoint::new(checkpoint_of(&sidecar)),
+        indexes: IndexLog::new(index_log_of(&sidecar)),
     };
     let done = shell.run(input, tell);
     // An empty sidecar is but a lock.
@@ -116,6 +120,7 @@ struct Shell<'a> {
     owner: Owner,
     appending: Appending,
     checkpoint: Checkpoint,
+    indexes: IndexLog,
 }
 
 impl Shell<'_> {
@@ -224,7 +229,13 @@ impl Shell<'_> {
 
     fn tidy(&mut self) -> Result<(), Error> {
         self.remove_sidecar()?;
-        self.checkpoint.remove()
+        self.forget()
+    }
+
+    /// Removes what it would go on with.
+    fn forget(&mut self) -> Result<(), Error> {
+        self.checkpoint.remove()?;
+        self.indexes.remove()
     }
 
     fn remove_sidecar(&mut self) -> Result<(), Error> {

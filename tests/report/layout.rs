@@ -87,7 +87,7 @@ fn every_panel_is_placed_once_and_shows_what_the_recording_holds() {
         let mut derived = BTreeMap::new();
         for script in layout["userNodes"].as_object().unwrap().values() {
             let code = script["sourceCode"].as_str().unwrap();
-            assert!(!code.contains("IMU/") && !code.contains("PLACE") && !code.contains("FRAME"), "{code}");
+            assert!(!code.contains("_TOPIC") && !code.contains("PLACE") && !code.contains("FRAME"), "{code}");
             let quoted = |after: &str| code.split(after).nth(1).unwrap().split(';').next().unwrap().split('"');
             let inputs: Vec<_> = quoted("export const inputs = ").skip(1).step_by(2).collect();
             let types: Vec<_> = inputs.iter().map(|topic| recorded.get(*topic).expect(topic)).collect();

@@ -8,7 +8,7 @@ use stillpoint::messages::foxglove::Log;
 use stillpoint::messages::segment::Reason;
 use stillpoint::messages::triad::{Model, Status};
 use stillpoint::messages::{Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3};
-use stillpoint::report::{Findings, Page, Story};
+use stillpoint::report::{Findings, Page, Timeline};
 
 /// Fails unless every element is closed in its turn and nothing is loaded from elsewhere.
 fn check(html: &str) {
@@ -89,19 +89,19 @@ fn the_terminal_gets_the_summary_the_timeline_and_the_rests() {
 }
 
 /// A day of a restless robot: thousands of rests, refits and warnings, and a name that would like to be more.
-fn day() -> Story {
+fn day() -> Timeline {
     const REST: i64 = 20;
     let nanos = |seconds: i64| Stamp::from_nanos((1_700_000_000 + seconds) * 1_000_000_000);
     let header = |at: i64| Some(Header { stamp: Some(nanos(at).into()), frame_id: String::new() });
     let vector = |x: f64| Some(Vector3 { x, y: -x, z: x / 2.0 });
     let faces = ["+X", "-X", "+Y", "-Y", "+Z", "-Z"];
-    let mut story = Story::new(Findings::new("/imu<script>alert('x')</script>", "/imu"));
+    let mut timeline = Timeline::new(Findings::new("/imu<script>alert('x')</script>", "/imu"));
     for tick in 0..86_400 * 5 {
         let stamp = Stamp::from_nanos(nanos(0).nanos() + tick * 200_000_000);
         let value = nalgebra::Vector3::new((tick as f64).sin() * 9.8, (tick as f64 * 0.7).cos() * 9.8, 9.8);
-        story.sample(Sensor::Accelerometer, &Sample { stamp, log_time: 0, value });
+        timeline.sample(Sensor::Accelerometer, &Sample { stamp, log_time: 0, value });
     }
-    let mut note = |at: i64, message| story.note(&Event { log_time: nanos(at).nanos() as u64, message });
+    let mut note = |at: i64, message| timeline.note(&Event { log_time: nanos(at).nanos() as u64, message });
     for second in 0..86_400 {
         let statistic = if second % REST < 10 { 1.0 } else { 900.0 };
         note(
@@ -160,13 +160,13 @@ fn day() -> Story {
     }
     let faces = faces.map(|name| Face { name: name.into(), normal: None, placements: 700, seconds: 6300.0 });
     note(86_399, Message::Coverage(Coverage { faces: faces.to_vec(), complete: true, ..Coverage::default() }));
-    story
+    timeline
 }
 
 #[test]
 fn a_day_fits_in_two_megabytes_and_cannot_break_out() {
-    let stories = [day()];
-    let page = Page { recording: "a<b>.mcap", stories: &stories, notes: &[], settings: "[still]\n", earlier: None };
+    let timelines = [day()];
+    let page = Page { recording: "a<b>.mcap", timelines: &timelines, notes: &[], settings: "[still]\n", earlier: None };
     let html = page.html();
     check(&html);
     assert!(html.len() < 2_000_000, "{} bytes", html.len());
@@ -200,8 +200,9 @@ fn any_fixture_any_model_and_nothing_at_all_are_shown() {
     rest.means =
         vec![TriadMean { sensor: "accelerometer".into(), mean: normal(f64::NAN, 0.0, 0.0), ..TriadMean::default() }];
     let odd = Findings { rests: [(5_000_000_000, rest)].into(), ..Findings::new("/odd", "/odd") };
-    let stories = [Story::new(findings), Story::new(Findings::new("/none", "/none")), Story::new(odd)];
-    let page = Page { recording: "x.mcap", stories: &stories, notes: &["damaged".into()], settings: "", earlier: None };
+    let timelines = [Timeline::new(findings), Timeline::new(Findings::new("/none", "/none")), Timeline::new(odd)];
+    let page =
+        Page { recording: "x.mcap", timelines: &timelines, notes: &["damaged".into()], settings: "", earlier: None };
     let html = page.html().replace("NaN", "");
     check(&html);
     for word in ["face 11", "S, row x", "g-sensitivity", "g²-sensitivity", "None was published"] {

@@ -1,7 +1,6 @@
 //! What is said of a recording as a whole.
 
 use crate::annotate::Corrections;
-use crate::imu::{Intake, MissingTopic};
 use crate::report::Findings;
 
 /// Why there are no corrected messages of an IMU that was calibrated.
@@ -19,13 +18,4 @@ pub(crate) fn uncorrected(name: &str, corrections: &Corrections) -> Option<Strin
              instant, as it is: {list}"
         )
     })
-}
-
-/// What the configuration names and the recording lacks, one line each.
-pub(crate) fn missing(intake: &Intake) -> Vec<String> {
-    let line = |missing: MissingTopic| {
-        let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
-        format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
-    };
-    intake.missing_topics().into_iter().map(line).collect()
 }

@@ -1,7 +1,7 @@
 // The 95 % intervals of a calibration as lines that a plot can draw. Made by stillpoint config layout.
 import { Input } from "./types";
 
-export const inputs = ["IMU/stillpoint/calibration"];
+export const inputs = ["CALIBRATION_TOPIC"];
 export const output = "/studio_script/bandsPLACE";
 
 type Band = { low: number; value: number; high: number };
@@ -17,7 +17,7 @@ const axes = (value: Vector, std: Vector): Axes => ({
   z: band(value.z, std.z),
 });
 
-export default function script(event: Input<"IMU/stillpoint/calibration">): Bands | undefined {
+export default function script(event: Input<"CALIBRATION_TOPIC">): Bands | undefined {
   const message = event.message as any;
   const triad = message.accelerometer;
   // 0 is UNDETERMINED: there is nothing to draw.

@@ -2,7 +2,7 @@
 // /diagnostics, derived from what a recording holds. Made by stillpoint config layout.
 import { Input, Message } from "./types";
 
-export const inputs = ["IMU/stillpoint/stillness", "IMU/stillpoint/coverage", "IMU/stillpoint/calibration"];
+export const inputs = ["STILLNESS_TOPIC", "COVERAGE_TOPIC", "CALIBRATION_TOPIC"];
 export const output = "/studio_script/diagnosticsPLACE";
 
 type Vector = { x: number; y: number; z: number };
@@ -41,12 +41,12 @@ const item = (name: string, level: number, message: string, values: Values) => (
 
 export default function script(
   event:
-    | Input<"IMU/stillpoint/stillness">
-    | Input<"IMU/stillpoint/coverage">
-    | Input<"IMU/stillpoint/calibration">,
+    | Input<"STILLNESS_TOPIC">
+    | Input<"COVERAGE_TOPIC">
+    | Input<"CALIBRATION_TOPIC">,
 ): Message<"diagnostic_msgs/DiagnosticArray"> {
   const message = event.message as any;
-  if (event.topic === "IMU/stillpoint/stillness") {
+  if (event.topic === "STILLNESS_TOPIC") {
     rest = [
       { level: WARN, message: "its noise is not known yet: let it rest" },
       { level: OK, message: "moving" },
@@ -56,7 +56,7 @@ export default function script(
       ["deviation over the noise floor", number(message.statistic, 2)],
       ["still below", number(message.enter, 2)],
     ];
-  } else if (event.topic === "IMU/stillpoint/coverage") {
+  } else if (event.topic === "COVERAGE_TOPIC") {
     const seen = (message.faces as any[]).filter((face) => face.placements > 0).length;
     faces = { level: message.complete ? OK : WARN, message: `${seen} of ${message.faces.length} seen` };
     faceValues = (message.faces as any[]).map((face) => [

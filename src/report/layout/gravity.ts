@@ -3,7 +3,7 @@
 import { SceneUpdate } from "@foxglove/schemas";
 import { Input } from "./types";
 
-export const inputs = ["IMU/stillpoint/segment", "IMU/stillpoint/coverage"];
+export const inputs = ["SEGMENT_TOPIC", "COVERAGE_TOPIC"];
 export const output = "/studio_script/gravityPLACE";
 
 type Vector = { x: number; y: number; z: number };
@@ -31,10 +31,10 @@ const entity = (id: string) => ({
 });
 
 export default function script(
-  event: Input<"IMU/stillpoint/segment"> | Input<"IMU/stillpoint/coverage">,
+  event: Input<"SEGMENT_TOPIC"> | Input<"COVERAGE_TOPIC">,
 ): SceneUpdate | undefined {
   const message = event.message as any;
-  if (event.topic === "IMU/stillpoint/segment") {
+  if (event.topic === "SEGMENT_TOPIC") {
     const mean = (message.means as any[]).find((triad) => triad.sensor === "accelerometer");
     if (!mean) {
       return undefined;

@@ -36,7 +36,7 @@ fn settling(
     triad: impl Fn(&Calibration) -> Option<Triad>,
     parameter: impl Fn(Triad) -> Estimate,
 ) -> Option<String> {
-    let revisions = &imu.story.revisions;
+    let revisions = &imu.timeline.revisions;
     let step = revisions.len().div_ceil(DRAWN).max(1);
     let point = |found: &Calibration| {
         let (Some(value), Some(std)) = parameter(triad(found)?) else { return None };

@@ -12,7 +12,7 @@ const BANDS: usize = 2000;
 
 /// The acceleration with the rests behind it. Without readings, the means of the rests.
 pub(super) fn acceleration(imu: &Imu<'_>) -> String {
-    let outline = &imu.story.acceleration;
+    let outline = &imu.timeline.acceleration;
     let means = imu.rests.iter().filter_map(|rest| Some((rest, mean(rest)?)));
     let values = means.clone().flat_map(|(_, mean)| mean);
     let range = outline.range().or_else(|| {
@@ -105,8 +105,8 @@ fn mean(rest: &Rest<'_>) -> Option<[f64; 3]> {
 /// The statistic with its thresholds, and the noise that was seen at rest.
 pub(super) fn statistic(imu: &Imu<'_>) -> String {
     let noise = noise(imu);
-    let outline = &imu.story.statistic;
-    let (Some(range), Some([enter, leave])) = (outline.range(), imu.story.thresholds) else {
+    let outline = &imu.timeline.statistic;
+    let (Some(range), Some([enter, leave])) = (outline.range(), imu.timeline.thresholds) else {
         return section("Noise at rest", &noise);
     };
     let mut plot = Plot::new(
@@ -123,7 +123,7 @@ pub(super) fn statistic(imu: &Imu<'_>) -> String {
     plot.rule(leave, "leave", "moving above");
     plot.rule(enter, "enter", "still below");
     let figure = plot.figure("", "Deviation over the learned noise floor", Along::Clock);
-    let unsettled = match imu.story.was_judged {
+    let unsettled = match imu.timeline.was_judged {
         true => "",
         false => "<p class=\"dim\">No credible noise floor was learned: the sensor was never seen still.</p>",
     };

@@ -18,6 +18,9 @@ pub(super) struct Draft<'a> {
     pub(super) kept: Kept,
 }
 
+/// Hands over the blocks to be written, one after the other.
+pub(super) type NextBlock<'a> = &'a mut dyn FnMut() -> Result<Option<Block>, Error>;
+
 impl Draft<'_> {
     pub(super) fn write(
         self,
@@ -25,19 +28,21 @@ impl Draft<'_> {
         topics: &[Topic],
         watch: Watch<'_>,
     ) -> Result<Output, Error> {
-        let Self { mut output, split, inventory, kept } = self;
-        write_annotated(&mut output, split, inventory, settings, topics, kept, watch)?;
+        let Self { mut output, split, inventory, kept: Kept { mut blocks, indexes } } = self;
+        let mut next = blocks.next();
+        write_annotated(&mut output, split, inventory, settings, topics, (&mut next, indexes), watch)?;
         Ok(output)
     }
 }
 
-fn write_annotated(
+/// Writes a recording with annotations behind it.
+pub(super) fn write_annotated(
     output: &mut Output,
     recording: &Recording,
     inventory: Inventory,
     settings: &BTreeMap<String, String>,
     topics: &[Topic],
-    mut kept: Kept,
+    (next, mut indexes): (NextBlock<'_>, Indexes),
     watch: Watch<'_>,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
@@ -49,19 +54,18 @@ fn write_annotated(
             piece => output.put(&piece, recording)?,
         }
     }
-    kept.blocks.rewind()?;
-    while let Some(block) = next_block(&mut kept.blocks)? {
+    while let Some(block) = next()? {
         watch(recording.length())?;
         output.put(&fold.block(topics, &block).map_err(refused)?, recording)?;
-        kept.indexes.push(&fold.take_indexes())?;
+        indexes.chunks.push(&fold.take_indexes())?;
     }
-    kept.reindexed.rewind()?;
-    while let Some(taken) = kept.reindexed.next_item()? {
+    indexes.reindexed.rewind()?;
+    while let Some(taken) = indexes.reindexed.next_item()? {
         watch(recording.length())?;
         fold.reindex(&taken).iter().try_for_each(|piece| output.put(piece, recording))?;
-        kept.indexes.push(&fold.take_indexes())?;
+        indexes.chunks.push(&fold.take_indexes())?;
     }
-    output.close(fold.close(), kept.indexes, recording)
+    output.close(fold.close(), indexes.chunks, recording)
 }
 
 /// Writes annotations alone.
@@ -71,15 +75,14 @@ pub(super) fn write_sidecar(
     profile: &str,
     settings: &BTreeMap<String, String>,
     topics: &[Topic],
-    mut kept: Kept,
+    mut blocks: Blocks,
 ) -> Result<(), Error> {
     let refused = |e: crate::record::Error| Error::input(recording.path(), e.to_string());
     let (mut sidecar, head) = Sidecar::open(profile, settings);
     output.put(&Piece::Bytes(head), recording)?;
-    kept.blocks.rewind()?;
-    // Those of the recording are of no use here.
     let mut indexes = Spill::beside(output.path());
-    while let Some(block) = next_block(&mut kept.blocks)? {
+    let mut next = blocks.next();
+    while let Some(block) = next()? {
         let bytes = sidecar.block(topics, &block).map_err(refused)?;
         output.put(&Piece::Bytes(bytes), recording)?;
         indexes.push(&sidecar.take_indexes())?;
@@ -97,27 +100,54 @@ fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Er
 
 /// What is written behind the recording, until all of that has been read.
 pub(super) struct Kept {
-    /// The annotations.
-    blocks: Spill,
-    /// The chunk indexes.
-    pub(super) indexes: Spill,
-    /// Chunks whose message indexes are damaged.
-    pub(super) reindexed: Spill,
+    pub(super) blocks: Blocks,
+    pub(super) indexes: Indexes,
 }
 
 impl Kept {
     pub(super) fn beside(output: &Path) -> Self {
-        let spill = || Spill::beside(output);
-        Self { blocks: spill(), indexes: spill(), reindexed: spill() }
-    }
-
-    pub(super) fn block(&mut self, block: &Block) -> Result<(), Error> {
-        let mut bytes = Vec::new();
-        block.write(&mut bytes);
-        self.blocks.push_item(&bytes)
+        Self { blocks: Blocks(Spill::beside(output)), indexes: Indexes::beside(output) }
     }
 }
 
-fn next_block(blocks: &mut Spill) -> Result<Option<Block>, Error> {
-    Ok(blocks.next_item()?.and_then(|bytes| Block::read(&bytes)))
+/// Annotations.
+pub(super) struct Blocks(Spill);
+
+impl Blocks {
+    pub(super) fn push(&mut self, block: &Block) -> Result<(), Error> {
+        let mut bytes = Vec::new();
+        block.write(&mut bytes);
+        self.0.push_item(&bytes)
+    }
+
+    /// All of them, from the first on.
+    fn next(&mut self) -> impl FnMut() -> Result<Option<Block>, Error> + '_ {
+        let mut begun = false;
+        move || {
+            if !std::mem::replace(&mut begun, true) {
+                self.0.rewind()?;
+            }
+            Ok(self.0.next_item()?.and_then(|bytes| Block::read(&bytes)))
+        }
+    }
+}
+
+/// What is indexed anew behind the annotations.
+pub(crate) struct Indexes {
+    /// Chunk indexes.
+    chunks: Spill,
+    /// Chunks whose message indexes are damaged.
+    reindexed: Spill,
+}
+
+impl Indexes {
+    pub(crate) fn beside(output: &Path) -> Self {
+        Self { chunks: Spill::beside(output), reindexed: Spill::beside(output) }
+    }
+
+    /// Takes what a scan found of chunks, and of those whose message indexes are damaged.
+    pub(crate) fn push(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
+        self.chunks.push(chunks)?;
+        if reindexed.is_empty() { Ok(()) } else { self.reindexed.push_item(reindexed) }
+    }
 }

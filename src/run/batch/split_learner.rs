@@ -5,11 +5,11 @@ use super::annotated_writer::Kept;
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::learner::Learner;
+use crate::pipeline::no_imu::no_imu;
 use crate::record::{Event, Inventory};
 use crate::run::input::recording::{Listener, Recording, Watch};
 use crate::run::input::rosbag2::Contents;
 use crate::run::input::splits::Input;
-use crate::run::inspect::topics::no_imu;
 
 /// What is learned of a recording while its splits are read.
 pub(super) struct Lesson<'a> {
@@ -57,7 +57,7 @@ impl<'a> Lesson<'a> {
         listening.keep()?;
         let Listening { learner, mut contents, .. } = listening;
         if is_last && !self.options.allow_no_imu && !learner.has_imu() {
-            return Err(no_imu(input.path(), &learner.missing(), learner.channels()));
+            return Err(no_imu(input.path(), learner.sources()));
         }
 
         self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();
@@ -84,7 +84,7 @@ impl Listening<'_, '_> {
         let blocks: Vec<_> = learner.take_blocks().collect();
         blocks.iter().try_for_each(|block| {
             contents.count(learner.topics(), block);
-            kept.as_mut().map_or(Ok(()), |kept| kept.block(block))
+            kept.as_mut().map_or(Ok(()), |kept| kept.blocks.push(block))
         })
     }
 }
@@ -96,9 +96,7 @@ impl Listener for Listening<'_, '_> {
     }
 
     fn indexes(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
-        let Some(kept) = &mut self.kept else { return Ok(()) };
-        kept.indexes.push(chunks)?;
-        if reindexed.is_empty() { Ok(()) } else { kept.reindexed.push_item(reindexed) }
+        self.kept.as_mut().map_or(Ok(()), |kept| kept.indexes.push(chunks, reindexed))
     }
 
     fn verifies(&self) -> bool {

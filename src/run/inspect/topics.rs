@@ -5,14 +5,15 @@ mod remarks;
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use self::remarks::peek;
 use crate::Error;
 use crate::Stamp;
 use crate::config::Config;
-use crate::imu::{ChannelRole, ImuConfig, Intake, Layout, Sensor, Suggestion, header_stamp};
-use crate::record::{Channel, Event, Message, Schema};
+use crate::imu::{ChannelRole, ImuConfig, Layout, Sensor, header_stamp};
+use crate::pipeline::channel_table::Entry;
+use crate::pipeline::sources::Sources;
+use crate::record::{Channel, Event, Message};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::splits::Input;
 use crate::run::inspect::closing_summary::Glance;
@@ -80,57 +81,6 @@ impl Channels {
     }
 }
 
-/// What to add to the configuration of a recording in which nothing is used: an IMU rather than an accelerometer by
-/// itself, one with a gyroscope rather than one without.
-pub(crate) fn suggested<'a>(verdicts: impl Iterator<Item = &'a ChannelRole>) -> Option<ImuConfig> {
-    let suggestions = verdicts.filter_map(|verdict| match verdict {
-        ChannelRole::Other { suggestion, .. } => suggestion.as_deref(),
-        _ => None,
-    });
-    let worth = |suggestion: &&Suggestion| match suggestion {
-        Suggestion::Imu(imu) if imu.gyro.is_some() => 0,
-        Suggestion::Imu(_) => 1,
-        Suggestion::Accelerometer(_) => 2,
-    };
-    Some(suggestions.min_by_key(worth)?.config(None))
-}
-
-/// The topics there are, why they are not used, and how to map one, or which ones the configuration names in vain.
-pub(crate) fn no_imu<'a>(
-    path: &Path,
-    missing: &[String],
-    channels: impl Iterator<Item = (&'a Channel, &'a ChannelRole, &'a str)> + Clone,
-) -> Error {
-    const LISTED: usize = 8;
-    let topic = |(channel, verdict, kind): (&Channel, &ChannelRole, &'a str)| {
-        let kind = if kind.is_empty() { &channel.message_encoding } else { kind };
-        match verdict {
-            ChannelRole::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
-            _ => format!("{} ({kind})", channel.topic),
-        }
-    };
-    let mut topics: Vec<_> = channels.clone().map(topic).collect();
-    topics.sort();
-    let further = topics.len().saturating_sub(LISTED);
-    topics.truncate(LISTED);
-    let listed = match (topics.as_slice(), further) {
-        ([], _) => return Error::unfit(path, "no usable IMU topic: the recording has no topics at all"),
-        (topics, 0) => topics.join(", "),
-        (topics, further) => format!("{} and {further} more", topics.join(", ")),
-    };
-    if !missing.is_empty() {
-        return Error::unfit(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
-    }
-    let advice = match suggested(channels.map(|(_, verdict, _)| verdict)) {
-        Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
-        None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
-    };
-    Error::unfit(
-        path,
-        format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units"),
-    )
-}
-
 /// Recordings of more bytes are not read to the end if they say at the end what is in them (64 MiB).
 const WHOLE: u64 = 64 << 20;
 
@@ -180,11 +130,11 @@ fn look_through(
     let glance = if recording.length() > whole { Glance::at(recording)? } else { None };
     let (counts, span) = match glance {
         Some(glance) => {
-            look.schemas = glance.schemas;
-            glance.channels.values().for_each(|channel| look.channel(channel));
+            glance.schemas.values().for_each(|schema| look.take(Event::Schema(schema)));
+            glance.channels.values().for_each(|channel| look.take(Event::Channel(channel)));
             head(recording, watch, |event| {
                 look.take(event);
-                !look.channels.iter().any(|channel| look.intake.verdict(channel.id) == &ChannelRole::Untold)
+                !look.sources.channels().any(|(_, verdict)| verdict == &ChannelRole::Untold)
             })?;
             (glance.counts, glance.span)
         }
@@ -200,7 +150,7 @@ fn look_through(
     };
     let mut channels = look.uses(&counts);
     peek(recording, config, watch, &mut channels)?;
-    let notes = crate::pipeline::learner::missing(&look.intake);
+    let notes = look.sources.missing();
     Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
 
@@ -223,57 +173,42 @@ fn head(recording: &Recording, watch: Watch<'_>, mut each: impl FnMut(Event<'_>)
 
 /// Learns what the channels are.
 struct Look {
-    intake: Intake,
-    schemas: BTreeMap<u16, Schema>,
-    channels: Vec<Channel>,
+    sources: Sources,
 }
 
 impl Look {
     fn new(config: &Config) -> Self {
-        let intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
-        Self { intake, schemas: BTreeMap::new(), channels: Vec::new() }
+        Self { sources: Sources::new(config) }
     }
 
     fn take(&mut self, event: Event<'_>) {
-        match event {
-            Event::Schema(schema) => {
-                self.schemas.insert(schema.id, schema.clone());
-            }
-            Event::Channel(channel) => self.channel(channel),
-            Event::Message(message) if self.intake.wants(message.channel) => {
-                self.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
-            }
-            _ => {}
-        }
-    }
-
-    fn channel(&mut self, channel: &Channel) {
-        if self.channels.iter().all(|known| known.id != channel.id) {
-            self.intake.channel(channel, self.schemas.get(&channel.schema_id));
-            self.channels.push(channel.clone());
+        self.sources.take(&event);
+        if let Event::Message(message) = event
+            && let Some(message) = self.sources.wanted(message)
+        {
+            self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
         }
     }
 
     /// The time in the header of a message.
     fn stamp(&self, message: &Message<'_>) -> Option<Stamp> {
-        let channel = self.channels.iter().find(|channel| channel.id == message.channel)?;
-        let layout = Layout::new(&channel.message_encoding, self.schemas.get(&channel.schema_id)).ok();
+        let Entry { channel, schema, .. } = self.sources.table.get(message.channel)?;
+        let layout = Layout::new(&channel.message_encoding, schema.as_ref()).ok();
         header_stamp(&layout.or_else(|| Layout::of_example(&channel.topic, message.data))?, message.data)
     }
 
     /// By topic, with what the names suggest.
     fn uses(&self, counts: &BTreeMap<u16, u64>) -> Vec<Use> {
-        let verdicts = self.channels.iter().map(|channel| (channel, self.intake.verdict(channel.id)));
-        let primary = verdicts.clone().find(|(_, verdict)| match verdict {
+        let primary = self.sources.channels().find(|(_, verdict)| match verdict {
             ChannelRole::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
             _ => false,
         });
-        let primary = primary.map(|(channel, _)| channel.topic.as_str());
-        let uses = verdicts.map(|(channel, verdict)| Use {
-            channel: channel.clone(),
-            schema: self.schemas.get(&channel.schema_id).map(|schema| schema.name.clone()).unwrap_or_default(),
+        let primary = primary.map(|(entry, _)| entry.channel.topic.as_str());
+        let uses = self.sources.channels().map(|(entry, verdict)| Use {
+            channel: entry.channel.clone(),
+            schema: entry.schema_name().to_owned(),
             verdict: verdict.clone(),
-            messages: counts.get(&channel.id).copied().unwrap_or_default(),
+            messages: counts.get(&entry.channel.id).copied().unwrap_or_default(),
             stamped: Stamped::default(),
             remarks: Vec::new(),
             configuration: match verdict {

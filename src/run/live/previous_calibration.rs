@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 
 use crate::annotate::Corrections;
 use crate::config::Config;
-use crate::imu::{ImuId, Intake};
+use crate::imu::ImuId;
 use crate::messages::Calibration;
-use crate::pipeline::correction::Corrector;
-use crate::record::{Annotation, Channel, Message, Schema, Topic};
+use crate::pipeline::correction::corrected_topic;
+use crate::pipeline::sources::Sources;
+use crate::record::{Annotation, Channel, Event, Message, Schema, Topic};
 use crate::report::{Findings, same};
 
 /// Corrects the messages of one recording.
 pub(super) struct Earlier {
     calibrations: Vec<Findings>,
-    intake: Intake,
-    corrector: Corrector,
+    sources: Sources,
     /// By output name of the IMU; nothing for those whose corrected messages are written.
     by: BTreeMap<String, Option<Corrections>>,
     are_written: bool,
@@ -25,35 +25,37 @@ impl Earlier {
     pub(super) fn new(calibrations: Vec<Findings>, config: &Config) -> Self {
         Self {
             calibrations,
-            intake: Intake::new(&config.imu),
-            corrector: Corrector::default(),
+            sources: Sources::new(config),
             by: BTreeMap::new(),
             are_written: config.output.corrected == crate::annotate::Corrected::Causal,
         }
     }
 
     pub(super) fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) {
-        self.intake.channel(channel, schema);
-        self.corrector.channel(channel, schema);
+        if let Some(schema) = schema {
+            self.sources.take(&Event::Schema(schema));
+        }
+        self.sources.take(&Event::Channel(channel));
     }
 
     /// The corrected forms of a message, one for each IMU that it is of.
     pub(super) fn correct(&mut self, message: &Message<'_>) -> Vec<(Topic, Annotation)> {
-        self.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
-        self.intake.take_notices();
-        for imu in self.intake.imus() {
+        self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
+        self.sources.intake.take_notices();
+        for imu in self.sources.intake.imus() {
             if !self.by.contains_key(&imu.name) {
                 let then = same(&self.calibrations, &imu.name, &imu.topic);
                 let corrections = then.and_then(|then| then.calibration.as_ref()).map(Corrections::of);
                 self.by.insert(imu.name.clone(), corrections);
             }
         }
-        let by = |id: ImuId| self.by.get(&self.intake.imus().get(id.index())?.name)?.as_ref();
+        let by = |id: ImuId| self.by.get(&self.sources.intake.imus().get(id.index())?.name)?.as_ref();
         let change = |id, sensor, value| by(id)?.correct(sensor, value);
-        let rewritten = self.intake.rewrite(message.channel, message.data, change);
+        let rewritten = self.sources.intake.rewrite(message.channel, message.data, change);
         let annotation = |data| Annotation { topic: 0, sequence: 0, log_time: message.log_time, data };
-        let topic = |source| self.corrector.topic(message.channel, source);
-        rewritten.into_iter().filter_map(|(source, data)| Some((topic(source)?, annotation(data)))).collect()
+        let Some(source) = self.sources.table.by_id(message.channel) else { return Vec::new() };
+        let topic = |imu| corrected_topic(imu, &source.channel, source.schema.as_ref());
+        rewritten.into_iter().map(|(imu, data)| (topic(imu), annotation(data))).collect()
     }
 
     /// The recording's own calibration stands.

@@ -2,15 +2,13 @@
 //!
 //! What stands in it is left to [`record`](crate::record), when it can be taken up again to the caller.
 
-use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::record::{Annotation, Block, Event, Message, Topic};
-use crate::run::input::recording::{Recording, Watch};
+use crate::record::{Block, ReadAt, SidecarBlocks, Topic};
 use crate::run::input::regular;
 use crate::run::output::partial::same_file;
 
@@ -108,62 +106,18 @@ impl Appending {
         Ok(())
     }
 
-    /// Reads back what is written: the topic, schema and encoding of each annotation, in the order of writing.
-    pub(crate) fn read(
-        &self,
-        watch: Watch<'_>,
-        mut each: impl FnMut(Said<'_>) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        if self.length == 0 {
-            return Ok(());
-        }
-        let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
-        let recording = Recording::of_file(file, &self.path, self.length);
-        let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
-        recording.scan(watch, &mut |event: Event<'_>| match event {
-            Event::Schema(schema) => {
-                schemas.insert(schema.id, schema.name.clone());
-                Ok(())
-            }
-            Event::Channel(channel) => {
-                let schema = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                channels.insert(channel.id, (channel.topic.clone(), schema, channel.message_encoding.clone()));
-                Ok(())
-            }
-            Event::Message(message) => match channels.get(&message.channel) {
-                Some((topic, schema, encoding)) => {
-                    each(Said::Annotation { topic, schema, encoding, message: &message })
-                }
-                None => Ok(()),
-            },
-            Event::ChunkEnd => each(Said::BlockEnd),
-            _ => Ok(()),
-        })?;
-        Ok(())
-    }
-
-    /// Reads back the blocks that are written, of these topics.
-    pub(crate) fn blocks(
-        &self,
-        topics: &[Topic],
-        watch: Watch<'_>,
-        mut each: impl FnMut(&Block) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let mut open = Block::default();
-        self.read(watch, |said| match said {
-            Said::Annotation { topic, message, .. } => {
-                let topic = topics.iter().position(|known| known.name == topic);
-                let (sequence, log_time, data) = (message.sequence, message.log_time, message.data.to_vec());
-                open.annotations.extend(topic.map(|topic| Annotation { topic, sequence, log_time, data }));
-                Ok(())
-            }
-            Said::BlockEnd => each(&std::mem::take(&mut open)),
-        })
+    /// The blocks that are written, of these topics, one after the other.
+    pub(crate) fn blocks<'a>(&'a self, topics: &'a [Topic]) -> impl FnMut() -> Result<Option<Block>, Error> + 'a {
+        let mut blocks = SidecarBlocks::new(self.length);
+        let mut file = Bytes(&self.file);
+        move || blocks.next(&mut file, topics).map_err(|error| Error::input(&self.path, error.to_string()))
     }
 }
 
-/// What a sidecar says.
-pub(crate) enum Said<'a> {
-    Annotation { topic: &'a str, schema: &'a str, encoding: &'a str, message: &'a Message<'a> },
-    BlockEnd,
+struct Bytes<'a>(&'a File);
+
+impl ReadAt for Bytes<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
+        self.0.read_exact_at(buffer, offset)
+    }
 }

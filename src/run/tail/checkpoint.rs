@@ -1,6 +1,6 @@
 //! Where a tail stands, on disk: replaced as a whole at each save, so that a kill at any instant leaves the one before.
 //!
-//! The sidecar is put on the device before the checkpoint that counts on it. Saving runs on a thread of its own, since
+//! The sidecar and the index log are put on the device before the checkpoint that counts on them. Saving runs on a thread of its own, since
 //! a device takes its time; when to save is left to the [tail](crate::run::tail).
 
 use std::io::{self, Write as _};
@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::index_log::{IndexLog, Mark};
 use crate::Error;
 use crate::pipeline::learner::Learner;
 use crate::record::{Inventory, Position, Sidecar};
@@ -19,7 +20,7 @@ use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::Appending;
 
 /// What a checkpoint begins with; another layout gets another number.
-const MAGIC: &[u8; 16] = b"stillpointtail02";
+const MAGIC: &[u8; 16] = b"stillpointtail03";
 /// What every layout begins with.
 const OURS: &[u8] = b"stillpointtail";
 /// Of magic and checksum.
@@ -33,60 +34,65 @@ const SHARE: u32 = 20;
 
 /// What a checkpoint belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Owner {
-    pub(crate) version: String,
-    pub(crate) configuration: String,
+pub(super) struct Owner {
+    pub(super) version: String,
+    pub(super) configuration: String,
 }
 
 /// A file of a recording, read to its end.
 #[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Split {
-    pub(crate) name: String,
+pub(super) struct Split {
+    pub(super) name: String,
     /// What it is known again by.
-    pub(crate) known: (u64, Vec<u8>),
+    pub(super) known: (u64, Vec<u8>),
     /// In bytes.
-    pub(crate) length: u64,
-    pub(crate) inventory: Inventory,
+    pub(super) length: u64,
+    pub(super) inventory: Inventory,
     /// So many topics and blocks of annotations there were at its end.
-    pub(crate) topics: usize,
-    pub(crate) blocks: u64,
+    pub(super) topics: usize,
+    pub(super) blocks: u64,
+    /// How long the index log was.
+    pub(super) indexes: u64,
 }
 
 /// All that a tail has to remember.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct State {
-    pub(crate) done: Vec<Split>,
+pub(super) struct State {
+    pub(super) done: Vec<Split>,
     /// The file that is read, in a folder.
-    pub(crate) name: String,
+    pub(super) name: String,
     /// What that is known again by.
-    pub(crate) known: (u64, Vec<u8>),
-    pub(crate) position: Position,
-    pub(crate) learner: Learner,
+    pub(super) known: (u64, Vec<u8>),
+    pub(super) position: Position,
+    pub(super) learner: Learner,
     /// `None` before the sidecar has begun.
-    pub(crate) sidecar: Option<Sidecar>,
-    pub(crate) profile: String,
+    pub(super) sidecar: Option<Sidecar>,
+    pub(super) profile: String,
     /// In the sidecar.
-    pub(crate) blocks: u64,
+    pub(super) blocks: u64,
     /// Of the sidecar, in bytes.
-    pub(crate) length: u64,
+    pub(super) length: u64,
+    /// Where the index log stands.
+    pub(super) indexes: Mark,
 }
 
 /// The same, borrowed.
 #[derive(Serialize)]
-pub(crate) struct StateOf<'a> {
-    pub(crate) done: &'a [Split],
-    pub(crate) name: &'a str,
-    pub(crate) known: &'a (u64, Vec<u8>),
-    pub(crate) position: &'a Position,
-    pub(crate) learner: &'a Learner,
-    pub(crate) sidecar: &'a Option<Sidecar>,
-    pub(crate) profile: &'a str,
-    pub(crate) blocks: u64,
-    pub(crate) length: u64,
+pub(super) struct StateOf<'a> {
+    pub(super) done: &'a [Split],
+    pub(super) name: &'a str,
+    pub(super) known: &'a (u64, Vec<u8>),
+    pub(super) position: &'a Position,
+    pub(super) learner: &'a Learner,
+    pub(super) sidecar: &'a Option<Sidecar>,
+    pub(super) profile: &'a str,
+    pub(super) blocks: u64,
+    pub(super) length: u64,
+    pub(super) indexes: Mark,
 }
 
 /// What is found under the name of a checkpoint.
-pub(crate) enum Found {
+pub(super) enum Found {
     Nothing,
     State(Box<State>),
     /// Something that cannot be gone on with, why, and what can be read of it.
@@ -95,7 +101,7 @@ pub(crate) enum Found {
 
 /// Saves and loads.
 #[derive(Debug)]
-pub(crate) struct Checkpoint {
+pub(super) struct Checkpoint {
     path: PathBuf,
     /// Whether something stands there that is no checkpoint. It stays, and nothing is saved.
     foreign: bool,
@@ -104,22 +110,22 @@ pub(crate) struct Checkpoint {
 }
 
 impl Checkpoint {
-    pub(crate) fn new(path: PathBuf) -> Self {
+    pub(super) fn new(path: PathBuf) -> Self {
         let foreign = is_foreign(&path);
         Self { path, foreign, next: Instant::now() + INTERVAL, saving: None }
     }
 
     /// Why nothing is saved, if something else stands in its place.
-    pub(crate) fn obstacle(&self) -> Option<String> {
+    pub(super) fn obstacle(&self) -> Option<String> {
         let path = self.path.display();
         self.foreign.then(|| format!("{path} is no checkpoint and is left alone: a tail that is killed begins anew"))
     }
 
-    pub(crate) fn exists(&self) -> bool {
+    pub(super) fn exists(&self) -> bool {
         !self.foreign && self.path.exists()
     }
 
-    pub(crate) fn load(&self, owner: &Owner) -> Result<Found, Error> {
+    pub(super) fn load(&self, owner: &Owner) -> Result<Found, Error> {
         if !self.exists() {
             return Ok(Found::Nothing);
         }
@@ -132,7 +138,7 @@ impl Checkpoint {
     }
 
     /// Marks the sidecar as ours before there is a state to go on from.
-    pub(crate) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
+    pub(super) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
         self.settle()?;
         if self.foreign {
             return Ok(());
@@ -142,12 +148,18 @@ impl Checkpoint {
     }
 
     /// Whether it is time to save again.
-    pub(crate) fn is_due(&self) -> bool {
+    pub(super) fn is_due(&self) -> bool {
         !self.foreign && self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Begins to save. What became of the save before is told now.
-    pub(crate) fn save(&mut self, owner: &Owner, state: &StateOf<'_>, sidecar: &Appending) -> Result<(), Error> {
+    pub(super) fn save(
+        &mut self,
+        owner: &Owner,
+        state: &StateOf<'_>,
+        sidecar: &Appending,
+        indexes: &IndexLog,
+    ) -> Result<(), Error> {
         let before = self.settle();
         if self.foreign {
             return before;
@@ -158,20 +170,22 @@ impl Checkpoint {
         self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
         let written = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
         let (path, beside) = (self.path.clone(), sidecar.path().to_owned());
+        let indexes = indexes.file()?;
         self.saving = Some(std::thread::spawn(move || {
             written.sync_data().map_err(Error::io("write", &beside))?;
+            indexes.map_or(Ok(()), |indexes| indexes.sync_data()).map_err(Error::io("write", &beside))?;
             replace(&path, &bytes)
         }));
         before
     }
 
     /// Waits until what was begun is done.
-    pub(crate) fn settle(&mut self) -> Result<(), Error> {
+    pub(super) fn settle(&mut self) -> Result<(), Error> {
         let Some(thread) = self.saving.take() else { return Ok(()) };
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
-    pub(crate) fn remove(&mut self) -> Result<(), Error> {
+    pub(super) fn remove(&mut self) -> Result<(), Error> {
         // It is removed, however it is.
         let _ = self.settle();
         if self.foreign {

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use super::index_log::Kind;
 use super::location::Trail;
 use super::state::Course;
 use super::{Shell, Tailed, set_aside};
@@ -10,11 +11,11 @@ use crate::Error;
 use crate::annotate::Corrected;
 use crate::pipeline::events::{Ending, News, Tell};
 use crate::pipeline::learner::Learned;
+use crate::pipeline::no_imu::no_imu;
 use crate::record::{Damage, Event, Piece, Sidecar};
-use crate::run::batch::{self, Followed, Form, Options, Report};
+use crate::run::batch::{self, Followed, Form, Indexes, Options, Report, Target};
 use crate::run::input::recording::Recording;
 use crate::run::input::splits::Input;
-use crate::run::inspect::topics;
 use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::Appending;
 use crate::run::tail::checkpoint::{Split, State};
@@ -41,8 +42,11 @@ impl Shell<'_> {
         course.learner.close(tell);
         let last: Vec<_> = course.learner.take_blocks().collect();
         self.append(&mut course, &last)?;
+        course.log_indexes(&mut self.indexes);
+        let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
         let (length, remains) = (course.offset(), course.remains(ending)?);
         let Course { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
+        let useless = (!learner.has_imu()).then(|| no_imu(trail.path(), learner.sources()));
         let learned = learner.finish(tell);
         let here = Split {
             name: String::new(),
@@ -51,6 +55,7 @@ impl Shell<'_> {
             inventory: scan.into_inventory(),
             topics: learned.annotator.topics().len(),
             blocks,
+            indexes,
         };
         let splits: Vec<_> = done.into_iter().chain([here]).collect();
         let input = match remains {
@@ -67,8 +72,8 @@ impl Shell<'_> {
             Remains::Same(input) => Some(input),
             Remains::Nothing => None,
         };
-        if learned.imus.is_empty() && !self.following.options.allow_no_imu {
-            return Err(no_imu(&trail, &splits, &learned));
+        if let Some(error) = useless.filter(|_| !self.following.options.allow_no_imu) {
+            return Err(error);
         }
         self.patiently(tell, |shell| shell.appending.flush())?;
         let Some(input) = input else {
@@ -92,7 +97,7 @@ impl Shell<'_> {
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
             self.patiently(tell, |shell| shell.leave_to_batch(input, shell.appending.path(), options))?;
-            self.checkpoint.remove()?;
+            self.forget()?;
         } else {
             self.tidy()?;
         }
@@ -106,18 +111,21 @@ impl Shell<'_> {
     /// Writes the annotated recording as the batch path does.
     fn fold(&mut self, input: &Input, splits: &[Split], learned: &Learned) -> Result<(Report, Written), Error> {
         let watch = |_| self.stop.check();
-        let topics = learned.annotator.topics();
-        let mut followed: Vec<_> =
-            splits.iter().map(|split| Followed::new(&split.inventory, split.topics, &self.output)).collect();
+        let mut followed = Vec::new();
         let (mut blocks, mut at) = (0, 0);
-        self.appending.blocks(topics, &watch, |block| {
-            while splits.get(at).is_some_and(|split| split.blocks <= blocks) {
-                at += 1;
-            }
-            blocks += 1;
-            followed.get_mut(at).map_or(Ok(()), |split| split.keep(topics, block))
-        })?;
-        batch::fold(input, followed, learned, &self.output, self.config, self.following.options, &watch)
+        for Split { inventory, topics, blocks: until, indexes: end, .. } in splits {
+            let mut indexes = Indexes::beside(&self.output);
+            self.indexes.items(at..*end, |kind, bytes| match kind {
+                kind if kind == Kind::Chunks as u8 => indexes.push(bytes, &[]),
+                kind if kind == Kind::Reindexed as u8 => indexes.push(&[], bytes),
+                _ => Ok(()),
+            })?;
+            followed.push(Followed { inventory, topics: *topics, blocks: until - blocks, indexes });
+            (blocks, at) = (*until, *end);
+        }
+        let target = Target::open(input, std::slice::from_ref(&self.output), self.following.options)?;
+        let mut next = self.appending.blocks(learned.annotator.topics());
+        batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }
 
     /// Makes a recording of the sidecar, to stay.
@@ -125,13 +133,21 @@ impl Shell<'_> {
         if let Some(sidecar) = sidecar {
             self.complete(sidecar, tell)?;
         }
-        self.checkpoint.remove()
+        self.forget()
     }
 
     fn complete(&mut self, sidecar: Sidecar, tell: Tell<'_>) -> Result<(), Error> {
+        let logged = self.indexes.flush()?.length;
         for piece in sidecar.close() {
-            if let Piece::Bytes(bytes) = piece {
-                self.appending.put(&bytes);
+            match piece {
+                Piece::Bytes(bytes) => self.appending.put(&bytes),
+                Piece::Indexes(_) => self.indexes.items(0..logged, |kind, bytes| {
+                    if kind == Kind::Sidecar as u8 {
+                        self.appending.put(bytes);
+                    }
+                    Ok(())
+                })?,
+                Piece::Original(_) => {}
             }
         }
         self.patiently(tell, |shell| shell.appending.flush())
@@ -142,28 +158,32 @@ impl Shell<'_> {
         if self.appending.length() == 0 {
             return Ok(());
         }
-        if let Some(State { sidecar: Some(mut sidecar), learner, blocks, length, .. }) = state
+        if let Some(State { sidecar: Some(mut sidecar), learner, blocks, length, indexes, .. }) = state
             && length <= self.appending.length()
+            && self.indexes.resume(indexes)?
         {
             // Of later ones it knows nothing yet.
+            let mut next = self.appending.blocks(learner.topics());
             let (mut seen, mut later) = (0, Vec::new());
-            self.appending.blocks(learner.topics(), &|_| self.stop.check(), |block| {
+            while let Ok(Some(block)) = next() {
+                self.stop.check()?;
                 seen += 1;
-                later.extend((seen > blocks).then(|| block.clone()));
-                Ok(())
-            })?;
+                later.extend((seen > blocks).then_some(block));
+            }
+            drop(next);
             self.appending.cut(length)?;
             for block in &later {
                 let bytes = sidecar.block(learner.topics(), block);
                 self.appending.put(&bytes.map_err(|e| Error::input(self.appending.path(), e.to_string()))?);
             }
+            self.indexes.push(Kind::Sidecar, &sidecar.take_indexes());
             self.complete(sidecar, tell)?;
         }
         let path = self.appending.path().to_owned();
         let aside = set_aside(&path)?;
         tell(News::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
         // Last: the next run would take what has no checkpoint for somebody else's.
-        self.checkpoint.remove()?;
+        self.forget()?;
         self.appending = Appending::open(&path)?;
         Ok(())
     }
@@ -194,11 +214,4 @@ impl Course {
         let same = files.eq(self.files()) && input.splits.iter().map(Recording::length).eq(lengths);
         Ok(if same { Remains::Same(input) } else { Remains::Other(input) })
     }
-}
-
-fn no_imu(trail: &Trail, splits: &[Split], learned: &Learned) -> Error {
-    let kind =
-        |id| splits.iter().find_map(|split| split.inventory.schemas().get(&id)).map_or("", |schema| &schema.name);
-    let of_channels = learned.channels.iter().map(|(channel, verdict)| (channel, verdict, kind(channel.schema_id)));
-    topics::no_imu(trail.path(), &learned.missing, of_channels)
 }

@@ -38,7 +38,9 @@ impl Shell<'_> {
                     // No block reaches over into the next file.
                     course.learner.end_split();
                     self.write(course, tell)?;
-                    course.turn_to(next, tell)?;
+                    course.log_indexes(&mut self.indexes);
+                    let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
+                    course.turn_to(next, indexes, tell)?;
                 }
                 Err(ending) => return Ok(ending),
             }
@@ -157,6 +159,10 @@ impl Shell<'_> {
                     course.learner.take(event, tell);
                     if ends {
                         self.write(course, tell)?;
+                        course.log_indexes(&mut self.indexes);
+                        if self.indexes.is_full() {
+                            self.patiently(tell, |shell| shell.indexes.flush())?;
+                        }
                         self.save_if_due(course, tell);
                     }
                 }
@@ -211,14 +217,16 @@ impl Shell<'_> {
 
     /// Saves where it stands, if that is a place to go on from: all that was learned is written.
     pub(super) fn save(&mut self, course: &mut Course) -> Result<(), Error> {
-        if course.learner.has_blocks() || self.appending.has_pending() {
+        if course.learner.has_blocks() || self.appending.has_pending() || !self.indexes.is_durable() {
             return Ok(());
         }
+        course.log_indexes(&mut self.indexes);
         let Some(position) = course.scan.position() else { return Ok(()) };
         if !course.growing.passed(course.scan.offset())? {
             // It was written anew, which the next look at it will find out.
             return Ok(());
         }
+        let indexes = self.indexes.flush()?;
         let state = StateOf {
             done: &course.done,
             name: &course.trail.name_of(course.growing.path()).unwrap_or_default(),
@@ -229,7 +237,8 @@ impl Shell<'_> {
             profile: &course.profile,
             blocks: course.blocks,
             length: self.appending.length(),
+            indexes,
         };
-        self.checkpoint.save(&self.owner, &state, &self.appending)
+        self.checkpoint.save(&self.owner, &state, &self.appending, &self.indexes)
     }
 }

@@ -21,6 +21,11 @@ pub(crate) fn checkpoint_of(sidecar: &Path) -> PathBuf {
     sidecar.with_extension("checkpoint")
 }
 
+/// Where the chunk indexes stand that the checkpoint counts on: beside it.
+pub(crate) fn index_log_of(sidecar: &Path) -> PathBuf {
+    sidecar.with_extension("indexes")
+}
+
 /// Gives a result another name, since its recording has lost its own.
 pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -4,15 +4,14 @@
 use mcap::MAGIC;
 
 use super::Shell;
+use super::index_log::{IndexLog, Kind};
 use super::location::Trail;
 use crate::Error;
-use crate::annotate;
-use crate::engine;
 use crate::pipeline::events::{News, Progress, Tell};
 use crate::pipeline::learner::Learner;
 use crate::record::{Scan, Sidecar};
 use crate::run::input::growing_file::Growing;
-use crate::run::output::sidecar_file::{Appending, Said};
+use crate::run::output::sidecar_file::Appending;
 use crate::run::stop::Stop;
 use crate::run::tail::checkpoint::{Found, Split, State};
 
@@ -38,7 +37,7 @@ impl Course {
     pub(super) fn begin(shell: &mut Shell<'_>, trail: Trail, first: Growing, tell: Tell<'_>) -> Result<Self, Error> {
         match shell.checkpoint.load(&shell.owner)? {
             Found::State(state) => match find(&trail, &state)? {
-                Some(growing) if state.length <= shell.appending.length() => {
+                Some(growing) if state.length <= shell.appending.length() && shell.indexes.resume(state.indexes)? => {
                     return Self::resume(shell, trail, growing, *state, tell);
                 }
                 Some(_) => tell(News::Trouble("annotations that the checkpoint counts on are gone: starting anew")),
@@ -58,6 +57,7 @@ impl Course {
         }
         // What is there of this recording is found again.
         shell.appending.begin_anew()?;
+        shell.indexes.remove()?;
         let mut learner = Learner::new(shell.config);
         if let Some(name) = trail.name_of(first.path()) {
             learner.begin_split(Some(name), true);
@@ -95,21 +95,18 @@ impl Course {
 
     /// Takes in what a killed run had learned.
     fn recall(&mut self, sidecar: &Appending, stop: &Stop) -> Result<(), Error> {
-        let Self { learner, .. } = self;
-        sidecar.read(&|_| stop.check(), |said| {
-            if let Said::Annotation { topic, schema, encoding, message } = said
-                && let Ok(said) = annotate::read(schema, encoding, message.data)
-            {
-                learner.recall(topic, &engine::Event { log_time: message.log_time, message: said });
-            }
-            Ok(())
-        })?;
-        learner.recall_open();
+        let topics = self.learner.topics().to_vec();
+        let mut next = sidecar.blocks(&topics);
+        while let Some(block) = next()? {
+            stop.check()?;
+            self.learner.recall(&block.annotations, &topics);
+        }
+        self.learner.recall_open();
         Ok(())
     }
 
     /// Begins the next file. All that was learned of the one before has been written.
-    pub(super) fn turn_to(&mut self, next: Growing, tell: Tell<'_>) -> Result<(), Error> {
+    pub(super) fn turn_to(&mut self, next: Growing, indexes: u64, tell: Tell<'_>) -> Result<(), Error> {
         let name = self.trail.name_of(next.path());
         tell(News::Split(name.as_deref().unwrap_or_default()));
         self.learner.begin_split(name, false);
@@ -122,8 +119,16 @@ impl Course {
             inventory: scan.into_inventory(),
             topics: self.learner.topics().len(),
             blocks: self.blocks,
+            indexes,
         });
         Ok(())
+    }
+
+    /// Hands over chunk indexes, which are not kept in memory.
+    pub(super) fn log_indexes(&mut self, log: &mut IndexLog) {
+        log.push(Kind::Chunks, &self.scan.take_indexes());
+        log.push(Kind::Reindexed, &self.scan.take_reindexed());
+        self.sidecar.iter_mut().for_each(|sidecar| log.push(Kind::Sidecar, &sidecar.take_indexes()));
     }
 
     /// Names of the files that have been begun, in a folder.

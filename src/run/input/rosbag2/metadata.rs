@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::record::{Block, Inventory, Topic};
 use crate::report::yaml;
+use crate::topic;
 
 /// The only key of the document.
 const ROOT: &str = "rosbag2_bagfile_information";
@@ -101,7 +102,7 @@ impl Metadata {
         let described = |topic: &Topic| {
             let mut described = describe_topic(topic, version);
             // Who subscribes to the source subscribes to what is corrected.
-            let source = topic.name.strip_suffix("/stillpoint/corrected");
+            let source = topic::corrected_imu(&topic.name);
             let source = source.and_then(|source| topics.iter().find(|listed| name(listed) == source));
             if let Some(offered) = source.and_then(|source| source["topic_metadata"].get("offered_qos_profiles")) {
                 described["offered_qos_profiles"] = offered.clone();
@@ -176,6 +177,7 @@ fn describe_topic(topic: &Topic, version: u64) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::topic::Kind;
 
     const TEXT: &str = "\
 rosbag2_bagfile_information:
@@ -218,16 +220,16 @@ rosbag2_bagfile_information:
     fn what_is_not_ours_survives_and_annotations_are_listed() {
         let metadata = Metadata::parse(TEXT.to_owned()).unwrap();
         assert_eq!(metadata.files, ["a.mcap"]);
-        let counts = BTreeMap::from([("/imu".to_owned(), 3), ("/imu/stillpoint/segment".to_owned(), 4)]);
+        let counts = BTreeMap::from([("/imu".to_owned(), 3), (topic::of("/imu", Kind::Segment), 4)]);
         let own = Topic {
-            name: "/imu/stillpoint/segment".to_owned(),
+            name: topic::of("/imu", Kind::Segment),
             schema_name: "stillpoint_msgs/msg/Segment".to_owned(),
             schema_encoding: "ros2msg".into(),
             schema: Vec::new(),
             message_encoding: "cdr".into(),
             metadata: BTreeMap::new(),
         };
-        let corrected = Topic { name: "/imu/stillpoint/corrected".to_owned(), ..own.clone() };
+        let corrected = Topic { name: topic::of("/imu", Kind::Corrected), ..own.clone() };
         let written = metadata.annotated(&[Contents { span: Some((7, 20)), counts }], &[own, corrected]);
         let load = |text: &str| serde_saphyr::from_str::<Value>(text).unwrap();
         let (before, after) = (load(TEXT), load(&written));

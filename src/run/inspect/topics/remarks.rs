@@ -28,7 +28,7 @@ pub(super) fn peek(
             return false;
         };
         let mut measured = None;
-        look.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
+        look.sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
                 measured = Some(sample.stamp);
                 peeks.entry((imu.index(), sensor.index())).or_insert((sensor, FirstReadings::default())).1.push(sample);
@@ -47,7 +47,7 @@ pub(super) fn peek(
         used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
     }
     let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
-        let triads = &look.intake.imus().get(imu)?.triads;
+        let triads = &look.sources.intake.imus().get(imu)?.triads;
         let topic = triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();
         Some(Peeked { topic, imu, sensor, peek })
     });

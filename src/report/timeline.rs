@@ -11,9 +11,9 @@ use crate::messages::{Calibration, Stillness};
 /// Logged lines that are kept.
 const LINES: usize = 200;
 
-/// One IMU's story.
+/// One IMU's timeline.
 #[derive(Clone, Debug, Default)]
-pub struct Story {
+pub struct Timeline {
     /// The last word on everything.
     pub findings: Findings,
     /// Readings of the accelerometer, m/s²; empty beside a sidecar.
@@ -32,7 +32,7 @@ pub struct Story {
     pub unlogged: u64,
 }
 
-impl Story {
+impl Timeline {
     /// Of an IMU that nothing is known of.
     pub fn new(findings: Findings) -> Self {
         Self { findings, ..Self::default() }

@@ -1,0 +1,16 @@
+//! Annotations of a recording or sidecar, read back as the events they were.
+
+use super::channel_table::ChannelTable;
+use crate::annotate;
+use crate::engine::Event;
+use crate::record::Message;
+use crate::topic;
+
+/// What a message says, and of the IMU of which output name, empty for what concerns all of the recording; `None` if
+/// it is no annotation of this version, such as a corrected reading.
+pub(crate) fn read<'t>(table: &'t ChannelTable, message: &Message<'_>) -> Option<(&'t str, Event)> {
+    let entry = table.get(message.channel)?;
+    let imu = topic::imu_of(&entry.channel.topic)?;
+    let said = annotate::read(entry.schema_name(), &entry.channel.message_encoding, message.data).ok()?;
+    Some((imu, Event { log_time: message.log_time, message: said }))
+}

@@ -1,0 +1,156 @@
+//! Channel table: every channel of a recording under one id with its schema, although splits may number them anew.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::record::{Channel, Event, Schema};
+
+/// The channels met so far, by the schema and channel records of a scan.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct ChannelTable {
+    /// In the order in which they were met.
+    entries: Vec<Entry>,
+    /// Schemas of this split.
+    schemas: BTreeMap<u16, Schema>,
+    /// Places among the entries, by the ids of this split.
+    here: BTreeMap<u16, usize>,
+    /// Whether splits came before, whose channels may come again.
+    continued: bool,
+}
+
+/// A channel, with its id in the recording.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Entry {
+    pub(crate) channel: Channel,
+    pub(crate) schema: Option<Schema>,
+    /// Whether it has been met in this split.
+    met: bool,
+}
+
+impl Entry {
+    /// Name of the type of its messages; empty without schema.
+    pub(crate) fn schema_name(&self) -> &str {
+        self.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+
+    /// Whether it is the same as a channel of another split, whatever the ids are.
+    fn is(&self, channel: &Channel, schema: Option<&Schema>) -> bool {
+        let definition = |schema: &Schema| (schema.name.clone(), schema.encoding.clone(), schema.data.clone());
+        self.channel.topic == channel.topic
+            && self.channel.message_encoding == channel.message_encoding
+            && self.schema.as_ref().map(definition) == schema.map(definition)
+    }
+}
+
+impl ChannelTable {
+    /// Takes in what a scan tells. A channel is returned if it is new to the recording.
+    pub(crate) fn take(&mut self, event: &Event<'_>) -> Option<&Entry> {
+        match event {
+            Event::Schema(schema) => {
+                self.schemas.insert(schema.id, (*schema).clone());
+                None
+            }
+            Event::Channel(channel) => self.enlist(channel),
+            _ => None,
+        }
+    }
+
+    /// Another split begins, if one does.
+    pub(crate) fn begin_split(&mut self) {
+        self.schemas.clear();
+        self.here.clear();
+        self.entries.iter_mut().for_each(|entry| entry.met = false);
+        self.continued = true;
+    }
+
+    /// The channel of that id in this split, if it has been met.
+    pub(crate) fn get(&self, here: u16) -> Option<&Entry> {
+        self.entries.get(*self.here.get(&here)?)
+    }
+
+    /// The channel of that id in the recording.
+    pub(crate) fn by_id(&self, id: u16) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.channel.id == id)
+    }
+
+    /// All channels of the recording so far.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Entry> + Clone {
+        self.entries.iter()
+    }
+
+    fn enlist(&mut self, channel: &Channel) -> Option<&Entry> {
+        if self.here.contains_key(&channel.id) {
+            return None;
+        }
+        let schema = self.schemas.get(&channel.schema_id);
+        let same = |entry: &Entry| self.continued && !entry.met && entry.is(channel, schema);
+        if let Some(place) = self.entries.iter().position(same) {
+            self.entries.get_mut(place)?.met = true;
+            self.here.insert(channel.id, place);
+            return None;
+        }
+        // Nobody has 65,536 channels; the last id would be shared.
+        let is_free = |id: &u16| self.entries.iter().all(|entry| entry.channel.id != *id);
+        let id = std::iter::once(channel.id).chain(0..=u16::MAX).find(is_free).unwrap_or(u16::MAX);
+        let entry = Entry { channel: Channel { id, ..channel.clone() }, schema: schema.cloned(), met: true };
+        self.here.insert(channel.id, self.entries.len());
+        self.entries.push(entry);
+        self.entries.last()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn meet(table: &mut ChannelTable, id: u16, topic: &str) -> Option<u16> {
+        let (topic, message_encoding) = (topic.to_owned(), "cdr".to_owned());
+        let channel = Channel { id, schema_id: 0, topic, message_encoding, metadata: BTreeMap::new() };
+        table.take(&Event::Channel(&channel)).map(|entry| entry.channel.id)
+    }
+
+    fn id(table: &ChannelTable, here: u16) -> Option<u16> {
+        table.get(here).map(|entry| entry.channel.id)
+    }
+
+    #[test]
+    fn splits_that_number_their_channels_anew_share_ids() {
+        let mut table = ChannelTable::default();
+        for (id, topic) in [(1, "/a"), (2, "/b"), (3, "/b")] {
+            assert_eq!(meet(&mut table, id, topic), Some(id));
+        }
+        table.begin_split();
+        assert_eq!(id(&table, 3), None, "it may be another in this split");
+        assert_eq!(meet(&mut table, 3, "/a"), None);
+        assert_eq!((id(&table, 3), id(&table, 1)), (Some(1), None));
+        assert_eq!(meet(&mut table, 1, "/b"), None);
+        assert_eq!(meet(&mut table, 2, "/b"), None);
+        // A third one of that name is another, and its own id is taken.
+        assert_eq!(meet(&mut table, 4, "/b"), Some(4));
+        assert_eq!(meet(&mut table, 7, "/c"), Some(7));
+        assert_eq!([3, 1, 2, 4].map(|here| id(&table, here)), [1, 2, 3, 4].map(Some));
+        table.begin_split();
+        assert_eq!(meet(&mut table, 1, "/d"), Some(0));
+        assert_eq!(id(&table, 1), Some(0));
+    }
+
+    #[test]
+    fn a_channel_of_the_same_name_and_another_schema_is_another() {
+        let mut table = ChannelTable::default();
+        let schema = |data: &[u8]| Schema { id: 5, name: "T".into(), encoding: "ros2msg".into(), data: data.to_vec() };
+        let channel = |id| Channel {
+            id,
+            schema_id: 5,
+            topic: "/a".to_owned(),
+            message_encoding: "cdr".to_owned(),
+            metadata: BTreeMap::new(),
+        };
+        table.take(&Event::Schema(&schema(b"int8 x")));
+        assert!(table.take(&Event::Channel(&channel(1))).is_some());
+        table.begin_split();
+        table.take(&Event::Schema(&schema(b"int8 y")));
+        assert_eq!(table.take(&Event::Channel(&channel(1))).map(|entry| entry.channel.id), Some(0));
+        assert_eq!(table.iter().map(Entry::schema_name).collect::<Vec<_>>(), ["T", "T"]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Refusal of a recording in which nothing is used: the topics there are, why not, and how to map one.
+
+use std::path::Path;
+
+use super::channel_table::Entry;
+use super::sources::Sources;
+use crate::Error;
+use crate::imu::{ChannelRole, ImuConfig, Suggestion};
+
+/// Topics that are named.
+const LISTED: usize = 8;
+
+/// The topics there are, why they are not used, and how to map one, or which ones the configuration names in vain.
+pub(crate) fn no_imu(path: &Path, sources: &Sources) -> Error {
+    let topic = |(entry, verdict): (&Entry, &ChannelRole)| {
+        let Entry { channel, .. } = entry;
+        let kind = if entry.schema_name().is_empty() { &channel.message_encoding } else { entry.schema_name() };
+        match verdict {
+            ChannelRole::Skipped(why) => format!("{} ({kind}: {why})", channel.topic),
+            _ => format!("{} ({kind})", channel.topic),
+        }
+    };
+    let mut topics: Vec<_> = sources.channels().map(topic).collect();
+    topics.sort();
+    let further = topics.len().saturating_sub(LISTED);
+    topics.truncate(LISTED);
+    let listed = match (topics.as_slice(), further) {
+        ([], _) => return Error::unfit(path, "no usable IMU topic: the recording has no topics at all"),
+        (topics, 0) => topics.join(", "),
+        (topics, further) => format!("{} and {further} more", topics.join(", ")),
+    };
+    let missing = sources.missing();
+    if !missing.is_empty() {
+        return Error::unfit(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
+    }
+    let advice = match suggested(sources.channels().map(|(_, verdict)| verdict)) {
+        Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
+        None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
+    };
+    Error::unfit(
+        path,
+        format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units"),
+    )
+}
+
+/// What to add to the configuration of a recording in which nothing is used: an IMU rather than an accelerometer by
+/// itself, one with a gyroscope rather than one without.
+fn suggested<'a>(verdicts: impl Iterator<Item = &'a ChannelRole>) -> Option<ImuConfig> {
+    let suggestions = verdicts.filter_map(|verdict| match verdict {
+        ChannelRole::Other { suggestion, .. } => suggestion.as_deref(),
+        _ => None,
+    });
+    let worth = |suggestion: &&Suggestion| match suggestion {
+        Suggestion::Imu(imu) if imu.gyro.is_some() => 0,
+        Suggestion::Imu(_) => 1,
+        Suggestion::Accelerometer(_) => 2,
+    };
+    Some(suggestions.min_by_key(worth)?.config(None))
+}

@@ -1,0 +1,123 @@
+//! Timelines of a recording's IMUs, for a report: told by its annotations where it has some, else by a learner.
+
+use super::annotations;
+use super::learner::Learner;
+use super::sources::Sources;
+use crate::annotate;
+use crate::config::Config;
+use crate::engine;
+use crate::imu::{ImuId, Reading, Sample, Sensor};
+use crate::record::{Event, Message};
+use crate::report::{Findings, Timeline};
+use crate::topic;
+
+/// Damages that are listed one by one.
+const LISTED: u64 = 10;
+
+/// Collects timelines from the events of a scan.
+pub(crate) struct Timelines {
+    pub(crate) imus: Vec<Timeline>,
+    /// What was missed or wrong, one line each.
+    pub(crate) notes: Vec<String>,
+    pub(crate) damages: u64,
+    sources: Sources,
+    /// Whether the annotations in the recording are ours, and not learned meanwhile.
+    annotated: bool,
+    samples: Vec<(ImuId, Sensor, Sample)>,
+}
+
+impl Timelines {
+    /// Of a recording whose annotations are believed if it is `annotated`.
+    pub(crate) fn new(config: &Config, annotated: bool) -> Self {
+        let sources = Sources::new(config);
+        Self { imus: Vec::new(), notes: Vec::new(), damages: 0, sources, annotated, samples: Vec::new() }
+    }
+
+    /// Takes an event of the scan.
+    pub(crate) fn take(&mut self, event: &Event<'_>) {
+        self.sources.take(event);
+        match event {
+            Event::Message(message) => {
+                if let Some(message) = self.sources.wanted(*message) {
+                    self.source(&message);
+                } else if self.annotated
+                    && let Some((imu, event)) = annotations::read(&self.sources.table, message)
+                {
+                    let imu = imu.to_owned();
+                    self.annotation(&imu, &event);
+                }
+            }
+            Event::Damage(damage) => {
+                self.damages += 1;
+                if self.damages <= LISTED {
+                    self.notes.push(format!("damaged {damage}"));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Another split begins, if one does.
+    pub(crate) fn begin_split(&mut self) {
+        self.sources.begin_split();
+    }
+
+    /// Takes what was just learned.
+    pub(crate) fn learned(&mut self, learner: &mut Learner) {
+        let blocks: Vec<_> = learner.take_blocks().collect();
+        for annotation in blocks.iter().flat_map(|block| &block.annotations) {
+            let Some(on) = learner.topics().get(annotation.topic) else { continue };
+            let Ok(message) = annotate::read(&on.schema_name, &on.message_encoding, &annotation.data) else { continue };
+            let event = engine::Event { log_time: annotation.log_time, message };
+            self.annotation(topic::imu_of(&on.name).unwrap_or_default(), &event);
+        }
+    }
+
+    /// All of it.
+    pub(crate) fn finish(self) -> (Vec<Timeline>, Vec<String>, u64) {
+        let Self { imus, mut notes, damages, .. } = self;
+        if damages > LISTED {
+            notes.push(format!("{damages} damages in all"));
+        }
+        (imus, notes, damages)
+    }
+
+    fn annotation(&mut self, imu: &str, event: &engine::Event) {
+        // The log is of all IMUs; each line names its own.
+        if let engine::Message::Log(log) = &event.message {
+            let named: Vec<_> = self.imus.iter_mut().filter(|timeline| timeline.findings.name == log.name).collect();
+            match named.is_empty() {
+                true => self.imus.first_mut().into_iter().for_each(|timeline| timeline.note(event)),
+                false => named.into_iter().for_each(|timeline| timeline.note(event)),
+            }
+            return;
+        }
+        self.timeline(imu).note(event);
+    }
+
+    fn source(&mut self, message: &Message<'_>) {
+        let Self { sources, samples, .. } = self;
+        sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
+            if let Reading::Sample(sample) = reading {
+                samples.push((imu, sensor, sample));
+            }
+        });
+        for (imu, sensor, sample) in std::mem::take(&mut self.samples) {
+            let Some(imu) = self.sources.intake.imus().get(imu.index()) else { continue };
+            let (name, topic) = (imu.name.clone(), imu.topic.clone());
+            let timeline = self.timeline(&name);
+            if timeline.findings.topic != topic {
+                timeline.findings.topic = topic;
+            }
+            timeline.sample(sensor, &sample);
+        }
+    }
+
+    fn timeline(&mut self, name: &str) -> &mut Timeline {
+        let known = self.imus.iter().position(|timeline| timeline.findings.name == name).unwrap_or_else(|| {
+            self.imus.push(Timeline::new(Findings::new(name, name)));
+            self.imus.len() - 1
+        });
+        &mut self.imus[known]
+    }
+}

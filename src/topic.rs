@@ -1,0 +1,86 @@
+//! Grammar of annotation topics: `IMU/stillpoint/KIND`, and `/stillpoint/log` for all of a recording.
+
+/// What tells annotations from sources in the name of a topic.
+pub const MARK: &str = "/stillpoint/";
+
+/// What is written to an annotation topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Whether the IMU rests.
+    Stillness,
+    /// Its rests.
+    Segment,
+    /// The turns between its rests.
+    Turn,
+    /// Its noise densities.
+    Noise,
+    /// The faces that were seen.
+    Coverage,
+    /// Its calibrations.
+    Calibration,
+    /// Its own messages with true values.
+    Corrected,
+    /// Warnings and decisions, of all IMUs.
+    Log,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Stillness => "stillness",
+            Self::Segment => "segment",
+            Self::Turn => "turn",
+            Self::Noise => "noise",
+            Self::Coverage => "coverage",
+            Self::Calibration => "calibration",
+            Self::Corrected => "corrected",
+            Self::Log => "log",
+        }
+    }
+}
+
+/// The topic for what is said of the IMU of that output name. The log is everybody's.
+pub fn of(imu: &str, kind: Kind) -> String {
+    let imu = if kind == Kind::Log { "" } else { imu };
+    format!("{imu}{MARK}{}", kind.name())
+}
+
+/// Output name of the IMU that an annotation topic is about, empty for the log; `None` for a source.
+pub fn imu_of(topic: &str) -> Option<&str> {
+    topic.split_once(MARK).map(|(imu, _)| imu)
+}
+
+/// Output name of the IMU whose corrected messages stand on a topic.
+pub fn corrected_imu(topic: &str) -> Option<&str> {
+    topic.strip_suffix(Kind::Corrected.name())?.strip_suffix(MARK)
+}
+
+/// Whether a topic holds annotations, and so is never a source.
+pub fn is_annotation(topic: &str) -> bool {
+    topic.contains(MARK)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_topic_tells_whose_it_is() {
+        for kind in [
+            Kind::Stillness,
+            Kind::Segment,
+            Kind::Turn,
+            Kind::Noise,
+            Kind::Coverage,
+            Kind::Calibration,
+            Kind::Corrected,
+        ] {
+            let topic = of("/imu/data", kind);
+            assert!(is_annotation(&topic) && imu_of(&topic) == Some("/imu/data"), "{topic}");
+            assert_eq!(corrected_imu(&topic).is_some(), kind == Kind::Corrected);
+        }
+        assert_eq!(of("/imu/data", Kind::Log), of("", Kind::Log));
+        assert_eq!(imu_of(&of("", Kind::Log)), Some(""));
+        assert!(!is_annotation("/stillpoint") && imu_of("/imu/data").is_none());
+    }
+}
