@@ -298,9 +298,10 @@ pub struct Export {
     /// Which of the autopilot's sensors
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub slot: u8,
-    /// Random walks for Kalibr's input, in m/s³/√Hz and rad/s²/√Hz, from hours at rest
-    #[arg(long, value_name = "ACCEL,GYRO", value_delimiter = ',')]
-    pub random_walk: Option<Vec<f64>>,
+    /// What to write for random walks that the rests do not show: "bound", the most that they can be; or, for kalibr-input,
+    /// yours in m/s³/√Hz and rad/s²/√Hz
+    #[arg(long, value_name = "bound|ACCEL,GYRO")]
+    pub random_walk: Option<String>,
     /// Where to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,

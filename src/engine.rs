@@ -35,6 +35,7 @@ mod fault;
 mod fault_detection;
 mod guidance;
 mod model_trial;
+mod noise;
 mod observations;
 mod outliers;
 mod preset;
@@ -54,6 +55,8 @@ use self::change_gate::ChangeGate;
 pub use self::config::{Config, Secondary};
 pub use self::event::{Event, Message};
 use self::fault::{Fault, FaultKind};
+use self::noise::Noise;
+pub use self::noise::{allan_sums, axis_noise};
 use self::reference::Reference;
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
@@ -76,6 +79,7 @@ pub struct Engine {
     history: RestHistory,
     gate: ChangeGate,
     turns: History,
+    noise: Noise,
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
     last_stillness: Option<Stamp>,
@@ -97,6 +101,7 @@ impl Engine {
             history: RestHistory::default(),
             gate: ChangeGate::default(),
             turns: History::default(),
+            noise: Noise::default(),
             reported: BTreeSet::new(),
             last_stillness: None,
             last: None,
@@ -188,13 +193,28 @@ impl Engine {
             self.turns.rest(&rest);
             self.history.add(rest);
             let solution = self.solve();
+            self.hear_noise();
             self.publish(&solution, stamp, log_time, false, events);
             self.history.shrink();
         }
         if at_end {
             // The noise floor may have settled since the last rest.
             let solution = self.solve();
+            self.hear_noise();
             self.publish(&solution, stamp, log_time, true, events);
+            let header = publication::header(stamp, &self.config.frame_id);
+            let noise = self.noise.message(header, &self.config);
+            events.extend(noise.map(|noise| Event { log_time, message: Message::Noise(noise) }));
+        }
+    }
+
+    /// Takes in the noise of the stretches of rest that have ended, those in which a rest was one.
+    fn hear_noise(&mut self) {
+        while let Some(stretch) = self.segmenter.next_stretch() {
+            let mut rests = self.history.entries().iter().filter(|entry| entry.rest.placement == stretch.placement);
+            if rests.any(|entry| entry.verdict.is_at_rest()) {
+                self.noise.add(&stretch);
+            }
         }
     }
 
@@ -237,7 +257,10 @@ impl Engine {
         }
         let calibration = publication::calibration(header, &self.history, &self.config, solution);
         let round = self.gate.round(&self.history, &self.fixture, self.config.fit.refit);
-        let news = self.gate.calibration(calibration, at_end, round);
+        let mut news = self.gate.calibration(calibration, at_end, round);
+        if let Some(calibration) = &mut news {
+            self.noise.describe(calibration);
+        }
         if let Some(calibration) = &news {
             events.push(event(Message::Calibration(Box::new(calibration.clone()))));
         }

@@ -19,7 +19,7 @@ pub(crate) mod yaml;
 
 pub use drift::{Change, Drift, drift, same};
 pub use envelope::{Envelope, Range};
-pub use export::{Axes, ExportError, Exported, Format, Options, Readings, export};
+pub use export::{Axes, ExportError, Exported, Format, Options, RandomWalk, Readings, export};
 pub use findings::Findings;
 pub use import::{ImportError, import};
 pub use json::{coverage, drifts, imus, rests, triad};

@@ -7,6 +7,7 @@
 //! gyroscope, the sum of both; here each triad is tested by itself and the loudest decides, so that a quiet one cannot
 //! outvote a moving one.
 
+mod allan_variance;
 mod config;
 mod moments;
 mod noise_floor;
@@ -20,11 +21,12 @@ mod time_base;
 mod triad_track;
 mod window;
 
+pub use allan_variance::{AllanSums, Octave, Octaves};
 pub use config::{Config, Detector};
 pub use moments::Moments;
 pub use rest::{Rest, TriadMean};
 pub use saturation::ReadingRange;
-pub use segmenter::{Outcome, Segmenter};
+pub use segmenter::{Outcome, Segmenter, Stretch};
 pub use signal::Signal;
 pub use status::{State, Status};
 pub use time_base::{Tick, TimeBase};

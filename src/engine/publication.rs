@@ -234,12 +234,61 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
     if !shape.has(Term::Own(0, 0)) {
         return triad;
     }
+    let geometry = Geometry::of(&calibration.sensitivity, fit);
     Triad {
+        row_norms: Some(vector(&geometry.norms)),
+        row_norms_std: Some(vector(&geometry.norms_std)),
+        misalignment: geometry.leans,
+        misalignment_std: geometry.leans_std,
         scale: Some(vector(&calibration.sensitivity.diagonal())),
         scale_std: Some(vector(&sensitivity_std.diagonal())),
         sensitivity: row_major(&calibration.sensitivity),
         sensitivity_std: row_major(&sensitivity_std),
         ..triad
+    }
+}
+
+/// How sensitive each axis is along the direction that it has, and how that leans towards the other axes, in radians.
+struct Geometry {
+    norms: Vector3<f64>,
+    norms_std: Vector3<f64>,
+    /// x towards y and z, y towards x and z, z towards x and y.
+    leans: Vec<f64>,
+    leans_std: Vec<f64>,
+}
+
+impl Geometry {
+    fn of(sensitivity: &Matrix3<f64>, fit: &Estimate) -> Self {
+        // Of a function of one row, by its gradient.
+        let std = |row: usize, gradient: Vector3<f64>| {
+            let terms = fit.shape.terms();
+            let slopes = terms.iter().map(|term| match *term {
+                Term::Own(i, column) if i == row => gradient[column],
+                _ => 0.0,
+            });
+            let slopes: Vec<_> = slopes.collect();
+            let variance = slopes.iter().enumerate().map(|(i, one)| {
+                one * slopes.iter().enumerate().map(|(j, other)| fit.covariance[(i, j)] * other).sum::<f64>()
+            });
+            variance.sum::<f64>().max(0.0).sqrt()
+        };
+        let (mut norms, mut norms_std) = (Vector3::zeros(), Vector3::zeros());
+        let (mut leans, mut leans_std) = (Vec::with_capacity(6), Vec::with_capacity(6));
+        for row in 0..3 {
+            let entries = sensitivity.row(row).transpose();
+            norms[row] = entries.norm();
+            norms_std[row] = std(row, entries / norms[row].max(f64::MIN_POSITIVE));
+            for towards in (0..3).filter(|column| *column != row) {
+                let (along, across) = (entries[row], entries[towards]);
+                leans.push(libm::atan2(across, along));
+                let mut gradient = Vector3::zeros();
+                let square = (along * along + across * across).max(f64::MIN_POSITIVE);
+                gradient[row] = -across / square;
+                gradient[towards] = along / square;
+                leans_std.push(std(row, gradient));
+            }
+        }
+        Self { norms, norms_std, leans, leans_std }
     }
 }
 

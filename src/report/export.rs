@@ -46,8 +46,17 @@ pub struct Options {
     pub axes: Option<Axes>,
     /// Which of an autopilot's sensors.
     pub slot: u8,
-    /// Random walks of accelerometer and gyroscope bias, m/s³/√Hz and rad/s²/√Hz, which rests do not show.
-    pub random_walk: Option<[f64; 2]>,
+    /// What to write for random walks that the rests do not show.
+    pub random_walk: Option<RandomWalk>,
+}
+
+/// What is written for a random walk of a bias that the rests do not show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RandomWalk {
+    /// The upper bound that they give.
+    Bound,
+    /// These of accelerometer and gyroscope, m/s³/√Hz and rad/s²/√Hz.
+    Given([f64; 2]),
 }
 
 /// Whether readings were corrected before they were calibrated.
@@ -136,8 +145,15 @@ const LEANER: &str =
 ///
 /// If the format cannot hold it, or something has to be said before it would be right.
 pub fn export(findings: &[Findings], format: Format, options: &Options) -> Result<Exported, ExportError> {
-    if options.random_walk.is_some() && format != Format::KalibrInput {
-        return Err(ExportError::Refused("--random-walk is of use to --format kalibr-input alone".to_owned()));
+    let no_use = match options.random_walk {
+        None => None,
+        Some(RandomWalk::Given(_)) => (format != Format::KalibrInput).then_some("kalibr-input alone"),
+        Some(RandomWalk::Bound) => {
+            (!matches!(format, Format::Kalibr | Format::KalibrInput)).then_some("kalibr and kalibr-input alone")
+        }
+    };
+    if let Some(formats) = no_use {
+        return Err(ExportError::Refused(format!("this --random-walk is of use to --format {formats}")));
     }
     let findings = match options.imu {
         Some(_) => std::slice::from_ref(one(findings, options)?),
@@ -146,7 +162,7 @@ pub fn export(findings: &[Findings], format: Format, options: &Options) -> Resul
     match format {
         Format::Json => Ok(plain(format!("{:#}\n", json!({"imus": imus(findings)})))),
         Format::Yaml => Ok(plain(comments(&own()) + &yaml::document(&json!({"imus": imus(findings)})))),
-        Format::Kalibr => kalibr::intrinsics(findings),
+        Format::Kalibr => kalibr::intrinsics(findings, options.random_walk),
         Format::KalibrInput => kalibr::input(one(findings, options)?, options.random_walk).map(plain),
         Format::ImuCalib => imu_calib::export(one(findings, options)?, options).map(plain),
         Format::Px4 => autopilot::export(&autopilot::PX4, one(findings, options)?, options),

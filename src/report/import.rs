@@ -7,7 +7,7 @@ use super::export::{ardupilot, px4};
 use super::words::model_named;
 use super::{Axes, Findings, Parameters, row_major};
 use crate::messages::triad::{Model, Status};
-use crate::messages::{self, Calibration, Triad};
+use crate::messages::{self, AxisNoise, Calibration, TemperatureModel, Triad};
 
 /// Why a text is no calibration.
 #[derive(Debug, thiserror::Error)]
@@ -107,7 +107,43 @@ fn own_triad(value: &Value, sensor: &str) -> Result<Triad, ImportError> {
         g_sensitivity: list("g_sensitivity", 9)?,
         g2_sensitivity: list("g2_sensitivity", 3)?,
         rate_sensitivity: list("rate_sensitivity", 9)?,
+        row_norms: xyz("row_norms")?,
+        row_norms_std: xyz("row_norms_std")?,
+        misalignment: list("misalignment", 6)?,
+        misalignment_std: list("misalignment_std", 6)?,
+        turns: value.get("turns").and_then(Value::as_u64).unwrap_or_default() as u32,
+        noise: value.get("noise").map(own_noise).unwrap_or_default(),
+        temperature: value.get("temperature").and_then(own_temperature),
         ..Triad::default()
+    })
+}
+
+fn own_noise(value: &Value) -> Vec<AxisNoise> {
+    let number = |key: &str, axis: usize| value.get(key)?.get(axis)?.as_f64();
+    let end = |axis: usize, end: usize| value.get("density_interval")?.get(axis)?.get(end)?.as_f64();
+    let axis = |axis: usize| {
+        Some(AxisNoise {
+            density: number("density", axis)?,
+            density_low: end(axis, 0)?,
+            density_high: end(axis, 1)?,
+            random_walk: number("random_walk", axis),
+            random_walk_low: number("random_walk_low", axis),
+            random_walk_high: number("random_walk_high", axis),
+        })
+    };
+    (0..3).map(axis).collect::<Option<_>>().unwrap_or_default()
+}
+
+fn own_temperature(value: &Value) -> Option<TemperatureModel> {
+    let number = |key: &str| value.get(key)?.as_f64();
+    let order = value.get("order")?.as_u64().filter(|order| (1..=3).contains(order))?;
+    Some(TemperatureModel {
+        order: order as u32,
+        reference: number("reference")?,
+        minimum: number("minimum")?,
+        maximum: number("maximum")?,
+        coefficients: numbers(value.get("coefficients")?, 3 * order as usize)?,
+        coefficients_std: numbers(value.get("coefficients_std")?, 3 * order as usize)?,
     })
 }
 

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{Change, Drift, Findings, drift, model};
-use crate::messages::{Coverage, Triad, Vector3};
+use crate::messages::{AxisNoise, Coverage, TemperatureModel, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
 pub fn imus<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
@@ -52,6 +52,7 @@ fn imu(findings: &Findings) -> Value {
         "revision": calibration.map(|c| c.revision),
         "segments": calibration.map(|c| c.segments),
         "placements": calibration.map(|c| c.placements),
+        "temperature_range": calibration.and_then(|c| Some([c.temperature_min?, c.temperature_max?])),
         "rests": rests([findings]),
         "coverage": findings.coverage.as_ref().map(coverage),
         "reason": findings.reason(),
@@ -93,7 +94,40 @@ pub fn triad(triad: Option<&Triad>) -> Value {
         "condition": triad.condition,
         "placement_std": list(&triad.placement_std),
         "covariance": list(&triad.covariance),
+        "row_norms": triad.row_norms.as_ref().map(vector),
+        "row_norms_std": triad.row_norms_std.as_ref().map(vector),
+        "misalignment": list(&triad.misalignment),
+        "misalignment_std": list(&triad.misalignment_std),
+        "turns": triad.turns,
+        "noise": noise(&triad.noise),
+        "temperature": triad.temperature.as_ref().map(temperature),
         "notes": triad.notes,
+    })
+}
+
+/// Densities by axis; what is claimed of no random walk is `null`.
+fn noise(axes: &[AxisNoise]) -> Option<Value> {
+    let by_axis = |value: &dyn Fn(&AxisNoise) -> Value| axes.iter().map(value).collect::<Value>();
+    (!axes.is_empty()).then(|| {
+        json!({
+            "density": by_axis(&|axis| json!(axis.density)),
+            "density_interval": by_axis(&|axis| json!([axis.density_low, axis.density_high])),
+            "random_walk": by_axis(&|axis| json!(axis.random_walk)),
+            "random_walk_low": by_axis(&|axis| json!(axis.random_walk_low)),
+            "random_walk_high": by_axis(&|axis| json!(axis.random_walk_high)),
+        })
+    })
+}
+
+fn temperature(model: &TemperatureModel) -> Value {
+    let by_degree = |values: &[f64]| values.chunks(3).map(|degree| json!(degree)).collect::<Value>();
+    json!({
+        "order": model.order,
+        "reference": model.reference,
+        "minimum": model.minimum,
+        "maximum": model.maximum,
+        "coefficients": by_degree(&model.coefficients),
+        "coefficients_std": by_degree(&model.coefficients_std),
     })
 }
 

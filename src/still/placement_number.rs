@@ -27,6 +27,11 @@ impl Placement {
         self.number
     }
 
+    /// The number of the last rest's.
+    pub(super) fn number(&self) -> u32 {
+        self.number
+    }
+
     /// Motion has ended it.
     pub(super) fn end(&mut self) {
         self.first = None;

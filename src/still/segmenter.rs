@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
+use super::allan_variance::AllanSums;
 use super::config::{Config, Detector};
 use super::placement_number::{Placement, creep_limit};
 use super::rest::{Rest, TriadMean};
@@ -47,6 +48,18 @@ pub struct Segmenter {
     /// Rests that nobody can believe yet, oldest first.
     held: VecDeque<Rest>,
     ready: VecDeque<Rest>,
+    /// Whether a rest of the present stretch was kept.
+    kept: bool,
+    stretches: VecDeque<Stretch>,
+}
+
+/// The noise of an IMU in one stretch of rest, however many rests it was split into.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Stretch {
+    /// That of its last rest.
+    pub placement: u32,
+    /// Of each triad that read something.
+    pub noise: Vec<(Sensor, AllanSums)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,6 +82,12 @@ enum End {
 
 /// So many rests wait for a credible floor.
 const MAX_HELD: usize = 256;
+/// So many stretches of rest wait for a credible floor.
+const MAX_STRETCHES: usize = 8;
+/// Seconds from which on a stretch may show a random walk of a bias …
+const LASTING: f64 = 45.0;
+/// … and that of an accelerometer, which is put down by hand and goes on tilting for a while.
+const LASTING_ON_A_TABLE: f64 = 120.0;
 /// A gyroscope silent for longer than this, in nanoseconds, does not vote.
 const GYRO_SILENCE: i64 = 1_000_000_000;
 
@@ -90,6 +109,8 @@ impl Segmenter {
             sliding: false,
             held: VecDeque::new(),
             ready: VecDeque::new(),
+            kept: false,
+            stretches: VecDeque::new(),
             config,
         }
     }
@@ -137,6 +158,11 @@ impl Segmenter {
     /// The next finished rest, oldest first.
     pub fn next_rest(&mut self) -> Option<Rest> {
         self.ready.pop_front()
+    }
+
+    /// The noise of the next stretch of rest, once it is known whether its rests are to be believed.
+    pub fn next_stretch(&mut self) -> Option<Stretch> {
+        self.is_credible().then(|| self.stretches.pop_front())?
     }
 
     /// The recording has ended: closes an open rest.
@@ -262,7 +288,7 @@ impl Segmenter {
         if self.phase == Phase::Still && full {
             self.end_rest(End::Split);
             let start = until.plus_nanos(1);
-            self.tracks_mut().for_each(|track| track.open(start));
+            self.tracks_mut().for_each(|track| track.go_on(start));
         }
     }
 
@@ -282,11 +308,32 @@ impl Segmenter {
             let placement = self.placement.place(&accelerometer, self.config.max_creep);
             let crept = self.sliding;
             self.keep(Rest { start, end: stop, placement, crept, accelerometer, gyroscope, secondary });
+            self.kept = true;
+        }
+        if end != End::Split && std::mem::take(&mut self.kept) {
+            self.end_stretch();
         }
         if matches!(end, End::Motion | End::Creep) {
             self.placement.end();
         }
         self.sliding = end == End::Creep || self.sliding && end == End::Split;
+    }
+
+    /// Puts by what the noise was in the rests since the last motion.
+    fn end_stretch(&mut self) {
+        let primary = self.accelerometer.stretch(LASTING_ON_A_TABLE).map(|sums| (Sensor::Accelerometer, sums));
+        let gyroscope = self.gyroscope.as_ref().and_then(|track| track.stretch(LASTING));
+        let secondary = self
+            .secondary
+            .iter()
+            .enumerate()
+            .filter_map(|(index, track)| Some((Sensor::Secondary(index), track.stretch(LASTING_ON_A_TABLE)?)));
+        let noise =
+            primary.into_iter().chain(gyroscope.map(|sums| (Sensor::Gyroscope, sums))).chain(secondary).collect();
+        if self.stretches.len() == MAX_STRETCHES {
+            self.stretches.pop_front();
+        }
+        self.stretches.push_back(Stretch { placement: self.placement.number(), noise });
     }
 
     fn keep(&mut self, rest: Rest) {

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::allan_variance::{AllanSums, Cascade};
 use super::config::{Config, Detector};
 use super::noise_floor::NoiseFloor;
 use super::rest::{Correlation, Sums, TriadMean};
@@ -22,6 +23,8 @@ const MAX_WINDOW: usize = 16_384;
 /// So many samples wait at most for the accelerometer to say what becomes of them: two of the longest windows, and as
 /// much again for a clock that runs ahead.
 const MAX_RECENT: usize = 4 * MAX_WINDOW;
+/// Nanoseconds in which what was put down settles: nothing is said of a random walk from them.
+const SETTLING: i64 = 3_000_000_000;
 /// The thesis' window, in samples.
 const THESIS_WINDOW: usize = 100;
 
@@ -39,6 +42,9 @@ pub(super) struct TriadTrack {
     /// Stamps of readings among them that the driver called clipped.
     clipped: VecDeque<Stamp>,
     open: Option<Sums>,
+    /// Of the present stretch, and its first and last stamp: the open rest and those that it was split from.
+    cascade: Cascade,
+    stretch: Option<(Stamp, Stamp)>,
     /// Of the noise in all rests so far.
     correlation: Correlation,
     extremes: Option<ReadingRange>,
@@ -77,6 +83,8 @@ impl TriadTrack {
             recent: VecDeque::new(),
             clipped: VecDeque::new(),
             open: None,
+            cascade: Cascade::default(),
+            stretch: None,
             correlation: Correlation::UNKNOWN,
             extremes: None,
             readings: 0,
@@ -206,9 +214,23 @@ impl TriadTrack {
         &self.clock
     }
 
-    /// Opens a rest that begins at `start`.
+    /// Opens a rest that begins at `start`, and a stretch with it.
     pub(super) fn open(&mut self, start: Stamp) {
+        let settling = self.clock.period().map_or(0, |period| SETTLING / period.max(1));
+        self.cascade.begin(settling.unsigned_abs());
+        self.stretch = None;
+        self.go_on(start);
+    }
+
+    /// Opens a rest that begins at `start`, in the same stretch as the last one.
+    pub(super) fn go_on(&mut self, start: Stamp) {
         self.open = Some(Sums::new(start, self.window_size()));
+    }
+
+    /// Allan sums of the stretch so far; `lasting` are the seconds from which on it is a long one.
+    pub(super) fn stretch(&self, lasting: f64) -> Option<AllanSums> {
+        let (first, last) = self.stretch?;
+        self.cascade.end(last.seconds_since(first), lasting)
     }
 
     /// Moves the samples up to `until` from the latest into the open rest, if there is one; without one they are gone.
@@ -217,6 +239,8 @@ impl TriadTrack {
             self.recent.pop_front();
             if let Some(sums) = self.open.as_mut().filter(|sums| stamp >= sums.start()) {
                 sums.push(stamp, &value);
+                self.cascade.push(&value);
+                self.stretch = Some((self.stretch.map_or(stamp, |(first, _)| first), stamp));
             }
         }
         while let Some(stamp) = self.clipped.front().copied().filter(|stamp| *stamp <= until) {

@@ -9,5 +9,6 @@ mod corrected;
 mod expected;
 mod messages;
 mod reader;
+mod ros2_package;
 mod schemas;
 mod session;

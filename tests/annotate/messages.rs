@@ -34,12 +34,12 @@ fn at(log_time: u64, message: Message) -> Event {
 }
 
 /// One annotation, alone.
-fn alone(encoding: Encoding, message: Message) -> (Topic, Annotation) {
+pub fn alone(encoding: Encoding, message: Message) -> (Topic, Annotation) {
     let (topics, mut blocks) = annotate(encoding, &[("/imu", at(0, message))], false);
     (topics[0].clone(), blocks.remove(0).annotations.remove(0))
 }
 
-fn one_of_each() -> [Message; 7] {
+pub fn one_of_each() -> [Message; 7] {
     [
         Message::Stillness(Stillness::default()),
         Message::Segment(Segment::default()),
@@ -207,7 +207,15 @@ fn every_topic_has_the_name_and_types_of_the_contract() {
     let schemas: Vec<_> = protobuf.iter().map(|topic| topic.schema_name.as_str()).collect();
     assert_eq!(
         schemas,
-        ["stillpoint.Stillness", "stillpoint.Segment", "stillpoint.Coverage", "stillpoint.Calibration", "foxglove.Log"]
+        [
+            "stillpoint.Stillness",
+            "stillpoint.Segment",
+            "stillpoint.Turn",
+            "stillpoint.Noise",
+            "stillpoint.Coverage",
+            "stillpoint.Calibration",
+            "foxglove.Log"
+        ]
     );
     assert!(
         protobuf.iter().all(|topic| (&*topic.schema_encoding, &*topic.message_encoding) == ("protobuf", "protobuf"))

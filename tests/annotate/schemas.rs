@@ -1,6 +1,6 @@
 //! The generated code and the descriptor set are what `schemas/stillpoint.proto` says, and what it once said still holds.
 //!
-//! `STILLPOINT_UPDATE=1 cargo test --test annotate schemas` writes them anew after the schema was edited.
+//! `STILLPOINT_UPDATE=1 cargo test --test annotate` writes them anew after the schema was edited.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,16 +13,12 @@ fn root() -> PathBuf {
 }
 
 /// Fails if `path` does not hold `fresh`, or writes it when asked to.
-fn expect_generated(path: &Path, fresh: &[u8]) {
+pub fn expect_generated(path: &Path, fresh: &[u8]) {
     if std::env::var_os("STILLPOINT_UPDATE").is_some() {
         std::fs::write(path, fresh).unwrap();
     }
     let present = std::fs::read(path).unwrap_or_default();
-    assert!(
-        present == fresh,
-        "{} is stale: run STILLPOINT_UPDATE=1 cargo test --test annotate schemas",
-        path.display()
-    );
+    assert!(present == fresh, "{} is stale: run STILLPOINT_UPDATE=1 cargo test --test annotate", path.display());
 }
 
 #[test]

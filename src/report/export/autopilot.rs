@@ -9,6 +9,7 @@ use super::{
 };
 use crate::fit::Calibration;
 use crate::messages::Triad;
+use crate::messages::triad::Model;
 use crate::report::parameters::rounded;
 use crate::report::{Findings, Parameters};
 
@@ -131,10 +132,18 @@ pub(super) fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -
     }
     match &gyro {
         Some((triad, calibration)) => {
-            let Diagonal { bias, scale } = diagonal(name, triad, calibration)?;
-            if scale != [1.0; 3] {
-                return Err(holds(name, "the scale of a gyroscope"));
-            }
+            let bias = if triad.model() == Model::Turns {
+                let lost = "cannot hold the sensitivity of a gyroscope, which the turns showed";
+                warnings
+                    .push(format!("{name} {lost}: only its bias is written; --format json, yaml and kalibr hold it"));
+                calibration.bias.into()
+            } else {
+                let Diagonal { bias, scale } = diagonal(name, triad, calibration)?;
+                if scale != [1.0; 3] {
+                    return Err(holds(name, "the scale of a gyroscope"));
+                }
+                bias
+            };
             put(&names.gyro_offset, each(|i| before.gyro[i] + signs[i] * bias[i]));
             used.push(*triad);
         }

@@ -18,6 +18,8 @@ pub(super) fn export(imu: &Findings, options: &Options) -> Result<String, Export
     lines.extend([
         "corrected = SM * raw - bias, in m/s²: SM is the inverse of Stillpoint's S, bias is SM times Stillpoint's bias"
             .to_owned(),
+        "accelerometer only: imu_calib takes a gyroscope's bias at each start, and has no place for its sensitivity"
+            .to_owned(),
         "axes as in the recording; convention: dpkoch/imu_calib, accel_calib.cpp (applyCalib)".to_owned(),
     ]);
     let list = |values: &[f64]| values.iter().map(|&v| yaml::number(v + 0.0)).collect::<Vec<_>>().join(", ");

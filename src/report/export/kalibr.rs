@@ -1,25 +1,28 @@
-//! Kalibr's two IMU files. Its direction is ours: `a = M · a_true + b` and `ω = M · C · ω_true + A · C · a_true + b`.
+//! Kalibr's two IMU files. Its direction is ours: `a = M · a_true + b` and `ω = M · C · ω_true + A · C · a_true + b`, with M
+//! lower triangular and C a rotation, so that S = M · C.
 //! Convention: ethz-asl/kalibr, `IccSensors.py` (`IccScaledMisalignedImu`), and its wiki on the IMU noise model.
 
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 
-use super::{ExportError, Exported, accelerometer, beyond, comments, gyroscope, heading};
+use super::{ExportError, Exported, RandomWalk, accelerometer, beyond, comments, gyroscope, heading};
+use crate::engine;
 use crate::fit::Calibration;
-use crate::messages::TriadMean;
+use crate::messages::{AxisNoise, TriadMean};
 use crate::report::{Findings, length, matrix, row_major, yaml};
 
-const WALKS: &str =
-    "the random walks of the biases show only in hours at rest (Allan variance), not in the rests of a calibration";
+const WALKS: &str = "the random walk of a bias shows only where the sensor is left alone for long, a gyroscope for a minute \
+    and more at a time and ten in all, an accelerometer for two";
 
 /// The results file: intrinsics of `imu0`, `imu1`, …
-pub(super) fn intrinsics(findings: &[Findings]) -> Result<Exported, ExportError> {
+pub(super) fn intrinsics(findings: &[Findings], walk: Option<RandomWalk>) -> Result<Exported, ExportError> {
+    let bound = matches!(walk, Some(RandomWalk::Bound));
     let mut lines = Vec::new();
     let mut document = Map::new();
     let mut warnings = Vec::new();
     let mut refused = None;
     for imu in findings {
-        match block(imu) {
+        match block(imu, bound) {
             Ok((heading, value)) => {
                 lines.extend(heading);
                 document.insert(format!("imu{}", document.len()), value);
@@ -37,16 +40,16 @@ pub(super) fn intrinsics(findings: &[Findings]) -> Result<Exported, ExportError>
     lines.extend([
         "measured = M * true + b in m/s²; measured = M * C_gyro_i * true + A * C_gyro_i * acceleration + b in rad/s:"
             .to_owned(),
-        "the direction of Stillpoint's S. Kalibr estimates M lower triangular and b as a curve that it does not write:"
+        "Stillpoint's S = M * C_gyro_i. Kalibr estimates M lower triangular and b as a curve that it does not write:"
             .to_owned(),
         "b is an addition, which Kalibr ignores and the crate imu-calib reads".to_owned(),
-        format!("no *_random_walk: {WALKS}"),
+        WALKS.to_owned(),
         "axes as in the recording; convention: ethz-asl/kalibr, IccSensors.py (IccScaledMisalignedImu)".to_owned(),
     ]);
     Ok(Exported { text: comments(&lines) + &yaml::document(&Value::Object(document)), warnings })
 }
 
-fn block(imu: &Findings) -> Result<(Vec<String>, Value), ExportError> {
+fn block(imu: &Findings, bound: bool) -> Result<(Vec<String>, Value), ExportError> {
     let (triad, accel) = accelerometer(imu, None)?;
     let gyro = gyroscope(imu);
     let used = [Some(triad), gyro.map(|(triad, _)| triad)].into_iter().flatten().collect::<Vec<_>>();
@@ -64,19 +67,20 @@ fn block(imu: &Findings) -> Result<(Vec<String>, Value), ExportError> {
     match gyro {
         Some((triad, gyro)) => {
             let a = matrix(&triad.g_sensitivity).unwrap_or_else(Matrix3::zeros);
-            let c = Matrix3::identity();
-            set(
-                "gyroscopes",
-                json!({"M": rows(&gyro.sensitivity), "A": rows(&a), "C_gyro_i": rows(&c), "b": plus_zero(&gyro)}),
-            );
+            let (m, c) = lower_and_rotation(&gyro.sensitivity);
+            let a = a * c.transpose();
+            set("gyroscopes", json!({"M": rows(&m), "A": rows(&a), "C_gyro_i": rows(&c), "b": plus_zero(&gyro)}));
         }
         None => lines.push("gyroscope: not determined, no block".to_owned()),
     }
     let noise = Noise::of(imu);
     let mut insert = |key: &str, value: Option<f64>| value.map(|value| fields.insert(key.to_owned(), json!(value)));
     insert("update_rate", noise.rate);
-    insert("accelerometer_noise_density", noise.accelerometer);
-    insert("gyroscope_noise_density", noise.gyroscope);
+    for (sensor, of_it) in [("accelerometer", &noise.accelerometer), ("gyroscope", &noise.gyroscope)] {
+        insert(&format!("{sensor}_noise_density"), of_it.density);
+        insert(&format!("{sensor}_random_walk"), of_it.random_walk(bound));
+        lines.extend(of_it.remark(sensor, bound));
+    }
     let secondary = imu.calibration.as_ref().map_or(0, |calibration| calibration.secondary.len());
     if secondary > 0 {
         lines.push(format!("without its {secondary} secondary accelerometers, for which Kalibr has no place"));
@@ -85,24 +89,38 @@ fn block(imu: &Findings) -> Result<(Vec<String>, Value), ExportError> {
 }
 
 /// The file that Kalibr reads: noise and rate.
-pub(super) fn input(imu: &Findings, walk: Option<[f64; 2]>) -> Result<String, ExportError> {
+pub(super) fn input(imu: &Findings, walk: Option<RandomWalk>) -> Result<String, ExportError> {
+    let noise = Noise::of(imu);
+    let (bound, given) = (matches!(walk, Some(RandomWalk::Bound)), matches!(walk, Some(RandomWalk::Given(_))));
+    let walk = match walk {
+        Some(RandomWalk::Given(walks)) => Some(walks),
+        _ => noise.accelerometer.random_walk(bound).zip(noise.gyroscope.random_walk(bound)).map(<[f64; 2]>::from),
+    };
     let Some([accel_walk, gyro_walk]) = walk else {
         return Err(ExportError::Refused(format!(
-            "Kalibr's imu.yaml needs random walks: {WALKS}. Give them with --random-walk ACCEL,GYRO (m/s³/√Hz, rad/s²/√Hz)"
+            "Kalibr's imu.yaml needs random walks: {WALKS}. Give them with --random-walk ACCEL,GYRO (m/s³/√Hz, rad/s²/√Hz), \
+             or write the bounds that the rests give with --random-walk bound{}",
+            if bound { ": these rests are too short to give one" } else { "" }
         )));
     };
-    let noise = Noise::of(imu);
-    let (Some(rate), Some(accel), Some(gyro)) = (noise.rate, noise.accelerometer, noise.gyroscope) else {
+    let (Some(rate), Some(accel), Some(gyro)) = (noise.rate, noise.accelerometer.density, noise.gyroscope.density)
+    else {
         let why = "both the accelerometer and the gyroscope must have been seen at rest for a second or more";
         return Err(ExportError::Undetermined { what: format!("the noise of {}", imu.name), why: why.to_owned() });
     };
-    let lines = [
-        format!("Noise of {} by Stillpoint {}, from its accepted rests", imu.name, env!("CARGO_PKG_VERSION")),
-        "continuous-time densities in m/s²/√Hz and rad/s/√Hz, root mean square over the axes: σ of one sample over"
+    let mut lines = vec![
+        format!("Noise of {} by Stillpoint {}, from its rests", imu.name, env!("CARGO_PKG_VERSION")),
+        "continuous-time densities in m/s²/√Hz and rad/s/√Hz by Allan variance, root mean square over the axes"
             .to_owned(),
-        "√(samples a second that are not correlated). The random walks were given on the command line".to_owned(),
-        "convention: ethz-asl/kalibr, wiki page \"IMU Noise Model\"".to_owned(),
     ];
+    match given {
+        true => lines.push("the random walks were given on the command line".to_owned()),
+        false => {
+            lines.extend(noise.accelerometer.remark("accelerometer", bound));
+            lines.extend(noise.gyroscope.remark("gyroscope", bound));
+        }
+    }
+    lines.push("convention: ethz-asl/kalibr, wiki page \"IMU Noise Model\"".to_owned());
     let fields = [
         ("accelerometer_noise_density", accel),
         ("accelerometer_random_walk", accel_walk),
@@ -114,39 +132,109 @@ pub(super) fn input(imu: &Findings, walk: Option<[f64; 2]>) -> Result<String, Ex
     Ok(format!("{}{}{fields}", comments(&lines), yaml::document(&json!({"rostopic": imu.topic}))))
 }
 
-/// White noise at rest.
+/// S as a lower triangular matrix with a positive diagonal times a rotation.
+fn lower_and_rotation(s: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    if s[(0, 1)] == 0.0 && s[(0, 2)] == 0.0 && s[(1, 2)] == 0.0 {
+        return (*s, Matrix3::identity());
+    }
+    // Gram and Schmidt on the rows; what is nearly a scaled identity loses no digits by it.
+    let mut lower = Matrix3::zeros();
+    let mut rotation = Matrix3::zeros();
+    for row in 0..3 {
+        let mut rest = s.row(row).into_owned();
+        for before in 0..row {
+            let along = rotation.row(before).dot(&s.row(row));
+            lower[(row, before)] = along;
+            rest -= rotation.row(before) * along;
+        }
+        lower[(row, row)] = rest.norm();
+        rotation.set_row(row, &(rest / rest.norm()));
+    }
+    (lower, rotation)
+}
+
+/// Noise at rest.
 struct Noise {
     /// Samples a second of the accelerometer.
     rate: Option<f64>,
-    /// m/s²/√Hz.
-    accelerometer: Option<f64>,
-    /// rad/s/√Hz.
-    gyroscope: Option<f64>,
+    accelerometer: TriadNoise,
+    gyroscope: TriadNoise,
+}
+
+/// That of one triad, root mean square over its axes, in m/s² or rad/s.
+#[derive(Default)]
+struct TriadNoise {
+    /// Per √Hz.
+    density: Option<f64>,
+    /// Of the bias, per s√Hz, where every axis shows one.
+    claimed: Option<f64>,
+    /// What it keeps to with a probability of 95 %: that of the worst axis.
+    bound: Option<f64>,
+}
+
+impl TriadNoise {
+    /// By its Allan variance; of recordings that hold no Allan sums by the deviations in the rests.
+    fn of(imu: &Findings, sensor: &str) -> Self {
+        let sums = imu.noise.iter().flat_map(|noise| &noise.triads).find(|sums| sums.sensor == sensor);
+        let axes = sums.map(|sums| engine::axis_noise(&engine::allan_sums(sums))).unwrap_or_default();
+        if axes.is_empty() {
+            return Self { density: deviation(imu, sensor), ..Self::default() };
+        }
+        let all = |value: fn(&AxisNoise) -> Option<f64>| axes.iter().map(value).collect::<Option<Vec<_>>>();
+        let rms = |values: Vec<f64>| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        Self {
+            density: all(|axis| Some(axis.density)).map(rms),
+            claimed: all(|axis| axis.random_walk).map(rms),
+            bound: all(|axis| axis.random_walk_high).map(|values| values.into_iter().fold(0.0, f64::max)),
+        }
+    }
+
+    /// What may be written as the random walk, the bound only if asked to.
+    fn random_walk(&self, bound: bool) -> Option<f64> {
+        self.claimed.or(self.bound.filter(|_| bound))
+    }
+
+    /// What is to be said of the random walk if there is no claim.
+    fn remark(&self, sensor: &str, written: bool) -> Option<String> {
+        self.density.filter(|_| self.claimed.is_none())?;
+        Some(match self.bound {
+            Some(_) if written => format!("{sensor}_random_walk is an upper bound (95 %), not an estimate"),
+            Some(bound) => format!(
+                "{sensor}_random_walk: no more than {bound:.3e} (95 %), and not shown to be there, so not written; \
+                 --random-walk bound writes it"
+            ),
+            None => format!("no {sensor}_random_walk: the rests are too short to bound one"),
+        })
+    }
 }
 
 impl Noise {
     fn of(imu: &Findings) -> Self {
-        let seen = |sensor: &'static str| {
-            let accepted = imu.rests.values().filter(|rest| rest.accepted);
-            accepted.filter_map(move |rest| Some((rest.means.iter().find(|mean| mean.sensor == sensor)?, length(rest))))
-        };
-        let density = |sensor| {
-            let (mut energy, mut samples) = (0.0, 0.0);
-            for (mean, seconds) in seen(sensor) {
-                let n = mean.samples as f64;
-                energy += n * variance(mean) * seconds / mean.effective_samples.max(1.0);
-                samples += n;
-            }
-            (samples > 0.0).then(|| f64::sqrt(energy / samples)).filter(|density| *density > 0.0)
-        };
-        let gaps: f64 = seen("accelerometer").map(|(mean, _)| mean.samples.saturating_sub(1) as f64).sum();
-        let seconds: f64 = seen("accelerometer").map(|(_, seconds)| seconds).sum();
+        let gaps: f64 = seen(imu, "accelerometer").map(|(mean, _)| mean.samples.saturating_sub(1) as f64).sum();
+        let seconds: f64 = seen(imu, "accelerometer").map(|(_, seconds)| seconds).sum();
         Self {
             rate: (seconds > 0.0).then_some(gaps / seconds),
-            accelerometer: density("accelerometer"),
-            gyroscope: density("gyroscope"),
+            accelerometer: TriadNoise::of(imu, "accelerometer"),
+            gyroscope: TriadNoise::of(imu, "gyroscope"),
         }
     }
+}
+
+/// What a triad read in the accepted rests, and how long each was in seconds.
+fn seen<'a>(imu: &'a Findings, sensor: &str) -> impl Iterator<Item = (&'a TriadMean, f64)> {
+    let accepted = imu.rests.values().filter(|rest| rest.accepted);
+    accepted.filter_map(move |rest| Some((rest.means.iter().find(|mean| mean.sensor == sensor)?, length(rest))))
+}
+
+/// Density by the deviation of one sample and how many are uncorrelated.
+fn deviation(imu: &Findings, sensor: &str) -> Option<f64> {
+    let (mut energy, mut samples) = (0.0, 0.0);
+    for (mean, seconds) in seen(imu, sensor) {
+        let n = mean.samples as f64;
+        energy += n * variance(mean) * seconds / mean.effective_samples.max(1.0);
+        samples += n;
+    }
+    (samples > 0.0).then(|| f64::sqrt(energy / samples)).filter(|density| *density > 0.0)
 }
 
 /// Of one sample, mean over the axes.
