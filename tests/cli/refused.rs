@@ -30,7 +30,7 @@ fn an_output_that_exists_is_not_touched() {
     folder.write("out.mcap", b"precious");
     std::fs::create_dir(folder.path().join("folder")).unwrap();
     folder.refuses("annotate demo.mcap -o out.mcap", 1, &["out.mcap: exists", "--force"]);
-    folder.refuses("annotate demo.mcap -o demo.mcap", 1, &["demo.mcap: exists", "--in-place"]);
+    folder.refuses("annotate demo.mcap -o demo.mcap", 1, &["demo.mcap: is itself read by this command", "--in-place"]);
     folder.refuses("simulate demo -o out.mcap", 1, &["out.mcap: exists"]);
     folder.refuses("export demo.mcap --format json -o out.mcap", 1, &["out.mcap: exists"]);
     folder.refuses("annotate demo.mcap -o folder", 1, &["folder: is a folder"]);

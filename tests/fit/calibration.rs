@@ -468,7 +468,7 @@ fn memory_stays_bounded_however_many_rests_there_are() {
         }
         serde_json::to_string(&learn(&session, config()).engine).unwrap().len()
     };
-    let (many, more) = (size(80), size(160));
+    let (many, more) = (size(160), size(320));
     assert!(more < many + many / 20, "{many} {more}");
 }
 

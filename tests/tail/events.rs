@@ -13,7 +13,7 @@ const EVENTS: [(&str, &str, &str); 12] = [
     ("opened", "offset", ""),
     ("split", "file", ""),
     ("stillness", "imu log_time stillness", "state statistic enter leave"),
-    ("segment", "imu log_time segment", "start end accepted face tilt_deg reason explanation placement"),
+    ("segment", "imu log_time segment", "start end accepted face tilt_deg reason explanation placement temperature"),
     ("coverage", "imu log_time coverage", "faces complete next_step"),
     (
         "calibration",
