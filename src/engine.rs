@@ -46,6 +46,7 @@ mod rest_history;
 mod rest_judge;
 mod solution;
 mod solve;
+mod turning;
 
 use std::collections::BTreeSet;
 
@@ -226,7 +227,8 @@ impl Engine {
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref() };
+        let gyro_range = config.preset.and_then(|preset| Some(preset.datasheet().gyroscope.as_ref()?.range));
+        let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
         solution.faults = fault_detection::detect(segmenter, history.entries(), turns, config.preset, &solution);
         fault_detection::veto(&mut solution);

@@ -9,6 +9,7 @@ pub mod gyroscope;
 pub mod known_poses;
 pub mod outlier_test;
 pub mod secondary;
+pub mod turn_fit;
 
 mod bound;
 mod calibration;

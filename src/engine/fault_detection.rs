@@ -76,6 +76,9 @@ pub(super) fn veto(solution: &mut Solution) {
         match fault.sensor {
             Sensor::Accelerometer => {
                 solution.accelerometer = Err(Refusal::Fault(fault.text.clone()));
+                // Without it the turns say nothing.
+                solution.gyroscope = solution.gyro_at_rest.take().filter(|_| solution.gyroscope.is_some());
+                solution.turning = None;
                 for secondary in &mut solution.secondary {
                     *secondary = Err(Refusal::WaitsForPrimary);
                 }

@@ -186,8 +186,27 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
         Parameterisation::FULL_GYROSCOPE => CONFIRMING_REPEATS,
         _ => solution.gyro_placements.saturating_sub(1),
     };
-    let notes = held_back(fit).into_iter().chain(notes).collect();
-    Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) }
+    let turned = solution.turning.as_ref().map(|turning| turning.remarks()).unwrap_or_default();
+    let notes = held_back(fit).into_iter().chain(notes).chain(turned).collect();
+    let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
+    match (by_turns, &solution.gyro_at_rest) {
+        (Some(turns), Some(at_rest)) if fit.shape != at_rest.shape => {
+            let at_rest = status(repeats, at_rest);
+            let status = if turns.redundant { at_rest } else { at_rest.min(Status::Provisional) };
+            let triad = estimated(named, fit);
+            Triad {
+                status: status.into(),
+                notes,
+                model: Model::Turns.into(),
+                // Its cross terms are those of specific force.
+                g_sensitivity: triad.rate_sensitivity,
+                rate_sensitivity: Vec::new(),
+                turns: turns.used as u32,
+                ..triad
+            }
+        }
+        _ => Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) },
+    }
 }
 
 /// What is suspicious about a triad.
@@ -244,6 +263,31 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
         scale_std: Some(vector(&sensitivity_std.diagonal())),
         sensitivity: row_major(&calibration.sensitivity),
         sensitivity_std: row_major(&sensitivity_std),
+        ..with_geometry(triad, fit)
+    }
+}
+
+/// The lengths of the rows of S, which do not depend on how the frame is laid into the sensor, and by which angles the axes
+/// lean.
+fn with_geometry(triad: Triad, fit: &Estimate) -> Triad {
+    let sensitivity = fit.calibration().sensitivity;
+    let place = |row, column| fit.shape.terms().iter().position(|term| *term == Term::Own(row, column));
+    let covariance = |a: (usize, usize), b: (usize, usize)| match (place(a.0, a.1), place(b.0, b.1)) {
+        (Some(i), Some(j)) => fit.covariance[(i, j)],
+        _ => 0.0,
+    };
+    let norms = Vector3::from_fn(|row, _| sensitivity.row(row).norm());
+    let norm_std = Vector3::from_fn(|row, _| {
+        let by = |column: usize| sensitivity[(row, column)] / norms[row];
+        let pairs = (0..9).map(|k| (k / 3, k % 3));
+        pairs.map(|(i, j)| by(i) * by(j) * covariance((row, i), (row, j))).sum::<f64>().max(0.0).sqrt()
+    });
+    let off = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
+    Triad {
+        row_norms: Some(vector(&norms)),
+        row_norms_std: Some(vector(&norm_std)),
+        misalignment: off.iter().map(|&(row, column)| sensitivity[(row, column)] / norms[row]).collect(),
+        misalignment_std: off.iter().map(|&at| covariance(at, at).max(0.0).sqrt() / norms[at.0]).collect(),
         ..triad
     }
 }

@@ -4,7 +4,9 @@ use super::drift::Drift;
 use super::fault::Fault;
 use super::reference::Reference;
 use super::refusal::Refusal;
+use super::turning::Turning;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
+use crate::turns::History;
 
 /// So many repeats of a face confirm a calibration.
 pub(super) const CONFIRMING_REPEATS: usize = 3;
@@ -18,6 +20,9 @@ pub(super) struct Solution {
     /// Richer models than that of the accelerometer, and why each is none.
     pub(super) refused: Vec<(Parameterisation, Refusal)>,
     pub(super) gyroscope: Option<Estimate>,
+    /// The gyroscope by its rests alone.
+    pub(super) gyro_at_rest: Option<Estimate>,
+    pub(super) turning: Option<Turning>,
     pub(super) secondary: Vec<Result<Estimate, Refusal>>,
     /// Accepted placements, all faces together.
     pub(super) placements: usize,
@@ -59,6 +64,9 @@ pub(super) struct Givens<'a> {
     /// The model that was published last.
     pub(super) kept: Option<Parameterisation>,
     pub(super) reference: Option<&'a Reference>,
+    pub(super) turns: &'a History,
+    /// What the gyroscope reads at most, rad/s, by its datasheet.
+    pub(super) gyro_range: Option<f64>,
 }
 
 /// Of one axis, what is √(Σ variance) of three.

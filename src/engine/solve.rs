@@ -11,6 +11,7 @@ use super::refusal::{Refusal, held_back};
 use super::rest_history::{JudgedRest, Verdict};
 use super::rest_judge::{Judge, Poses};
 use super::solution::{Givens, Missing, Solution, per_axis};
+use super::turning;
 use crate::fit::{
     self, Calibration, Estimate, Gravity, Model, Parameterisation, Place, Reading, Source, directions, guess,
     gyroscope, secondary,
@@ -57,7 +58,13 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
     if attempt.fit.is_err() {
         refused.pop();
     }
-    Solution { guessed: start, ..others(entries, judge, config, givens, refused, attempt) }
+    let mut turning = attempt.fit.as_ref().ok().and_then(|fit| turning::fit(entries, judge, givens, fit));
+    if let Some(turning) = &mut turning {
+        turning::complete(&mut attempt, turning, judge, givens);
+        refused.retain(|(shape, _)| !(turning.completed && *shape == Parameterisation::TRIANGULAR));
+    }
+    let solution = others(entries, judge, config, givens, refused, attempt);
+    Solution { guessed: start, ..turning::of_gyroscope(solution, turning) }
 }
 
 /// Models to try, the richest first.
@@ -139,6 +146,8 @@ fn others(
             .filter(|entry| entry.verdict.is_at_rest())
             .find_map(|entry| observations::relaxed(entry, noise)),
         gyroscope: rich.or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed)),
+        gyro_at_rest: None,
+        turning: None,
         secondary,
         guessed: Calibration::default(),
         faults: Vec::new(),

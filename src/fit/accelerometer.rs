@@ -17,6 +17,7 @@ use super::gravity::Gravity;
 use super::linear_system::{LinearSystem, Solved, limits};
 use super::parameterisation::{Parameterisation, Term, Truth};
 use super::placement_scatter::Assumed;
+use super::turn_fit::OffDiagonals;
 use super::uncertainty::{Sharing, Uncertainty};
 
 /// What one placement read.
@@ -61,15 +62,27 @@ const ALLOWANCE: f64 = 0.03;
 /// # Errors
 /// If they do not determine the parameters, or the solver fails.
 pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Estimate, Error> {
+    fit_with(observations, given, None)
+}
+
+/// Fits the observations beside what something else, turns for instance, tells of the entries below the diagonal of S.
+///
+/// # Errors
+/// If they do not determine the parameters, or the solver fails.
+pub fn fit_with(
+    observations: &[Observation],
+    given: &Assumptions<'_>,
+    told: Option<&OffDiagonals>,
+) -> Result<Estimate, Error> {
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
         (Estimator::Fixture, _) => on_fixture(observations, given, between, before),
-        (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, between, *before),
+        (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, told, between, *before),
         (Estimator::Magnitude, None) if given.shape == Parameterisation::TRIANGULAR => {
-            on_magnitude(observations, given, between, given.start)
+            on_magnitude(observations, given, told, between, given.start)
         }
         (Estimator::Magnitude, None) => {
             let start = on_fixture(observations, given, between, None)?;
-            on_magnitude(observations, given, between, start.calibration)
+            on_magnitude(observations, given, told, between, start.calibration)
         }
     };
     // The scatter and the tilts that the first fit shows set the weights of the second.
@@ -109,11 +122,12 @@ fn on_fixture(
 fn on_magnitude(
     observations: &[Observation],
     given: &Assumptions<'_>,
+    told: Option<&OffDiagonals>,
     between: f64,
     start: Calibration,
 ) -> Result<Stage, Error> {
-    match gauss_newton(observations, given, between, given.assumed().leak, start) {
-        Err(Error::NotConverged) => gauss_newton(observations, given, between, 0.0, start),
+    match gauss_newton(observations, given, told, between, given.assumed().leak, start) {
+        Err(Error::NotConverged) => gauss_newton(observations, given, told, between, 0.0, start),
         found => found,
     }
 }
@@ -122,6 +136,7 @@ fn on_magnitude(
 fn gauss_newton(
     observations: &[Observation],
     given: &Assumptions<'_>,
+    told: Option<&OffDiagonals>,
     between: f64,
     leak: f64,
     start: Calibration,
@@ -138,6 +153,9 @@ fn gauss_newton(
                 MagnitudeEquation::of(seen, given, &calibration);
             system.push(&-by_measured, &truth, -residual, noise, between);
         }
+        if let (Some(told), Some(first)) = (told, observations.first()) {
+            push_told(&mut system, told, &calibration, first.noise.max());
+        }
         let here = given.shape.vector(&calibration);
         let solved = system.solve(&(&low - &here, &high - &here), given.loss)?;
         calibration = given.shape.calibration(&(here + &solved.solution.x));
@@ -146,6 +164,21 @@ fn gauss_newton(
         }
     }
     Err(Error::NotConverged)
+}
+
+/// Three equations with independent errors, in units of a typical variance.
+fn push_told(system: &mut LinearSystem, told: &OffDiagonals, at: &Calibration, variance: f64) {
+    let triangle = told.covariance.cholesky().and_then(|factor| factor.l().try_inverse());
+    let Some(unit) = triangle.filter(|_| variance > 0.0) else { return };
+    let off = told.value - Vector3::from(OffDiagonals::ENTRIES.map(|entry| at.sensitivity[entry]));
+    for row in 0..3 {
+        let factors = unit.row(row) * variance.sqrt();
+        let terms: [(Term, f64); 3] = std::array::from_fn(|i| {
+            let (row, column) = OffDiagonals::ENTRIES[i];
+            (Term::Own(row, column), factors[i])
+        });
+        system.push_known(&terms, (factors * off)[0], variance);
+    }
 }
 
 /// One placement's equation ‖S⁻¹(m − b)‖ = g, linearised.

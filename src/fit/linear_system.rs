@@ -76,6 +76,18 @@ impl LinearSystem {
         self.rows.push(row);
     }
 
+    /// Adds a sum over `terms` of unknowns times factors that equals `target` up to an error of variance `noise`, whatever the
+    /// placements.
+    pub fn push_known(&mut self, terms: &[(Term, f64)], target: f64, noise: f64) {
+        let weight = 1.0 / noise.sqrt();
+        let factor =
+            |term: Term| terms.iter().filter(|(of, _)| *of == term).map(|(_, factor)| weight * factor).sum::<f64>();
+        self.design.extend(self.shape.terms().iter().map(|term| factor(*term)));
+        self.leaks.extend(self.shape.unmodelled().map(factor));
+        self.targets.push(target * weight);
+        self.rows.push(Row { noise, direction: Vector3::zeros(), weight });
+    }
+
     /// The weighted solution within the limits.
     ///
     /// # Errors

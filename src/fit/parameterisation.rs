@@ -107,6 +107,8 @@ impl Parameterisation {
         Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
         Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
     ]);
+    /// A gyroscope by the turns between rests: bias, all of S, and what specific force adds, 21 unknowns.
+    pub const GYROSCOPE_BY_TURNS: Self = Self::FULL_ACCELEROMETER;
     /// A gyroscope in the thesis' full model: 24 unknowns.
     #[rustfmt::skip]
     pub const FULL_GYROSCOPE: Self = Self(&[

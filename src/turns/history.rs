@@ -43,10 +43,10 @@ pub struct Passage {
 
 /// So many stretches lie between two rests at most: where there would be more they become longer.
 const MOST_STRETCHES: usize = 128;
-/// So many are remembered of all turns: a turn of a quarter takes about 25.
-const MOST_REMEMBERED: usize = 720;
+/// So many pieces are remembered of all turns: a quarter turn takes about 25, or half of that.
+const MOST_REMEMBERED: usize = 900;
 /// So many ways from rest to rest.
-const MOST_LEGS: usize = 128;
+const MOST_LEGS: usize = 64;
 
 impl History {
     /// Takes a reading of the gyroscope.
@@ -96,9 +96,10 @@ impl History {
         }
         let mut inside = self.stretches.drain(..departure);
         let before: Vec<_> = inside.by_ref().take(arrival).collect();
-        let resting = inside.reduce(|one, next| one.then(&next));
+        let resting = inside.reduce(|one, next| one.then(&next)).map(|resting| resting.integrals);
         if let (Some(from), Some(sum)) = (self.left, before.iter().copied().reduce(|one, next| one.then(&next))) {
-            self.remember(Leg { from, to: rest.start, stretches: before, rest: resting, sum });
+            let pieces = before.iter().map(|stretch| stretch.integrals).collect();
+            self.remember(Leg { from, to: rest.start, pieces, rest: resting, sum });
         }
         self.left = Some(rest.start);
         self.limit = Limit::default();
@@ -160,13 +161,17 @@ impl History {
             self.legs.remove(0);
         }
         self.legs.push(leg);
-        let mut total: usize = self.legs.iter().map(|leg| leg.stretches.len()).sum();
-        for leg in &mut self.legs {
-            if total <= MOST_REMEMBERED {
-                break;
+        // The oldest ways lose detail first, and then all but what they were like.
+        for shrink in [Leg::coarsen as fn(&mut Leg), Leg::forget] {
+            let mut total: usize = self.legs.iter().map(|leg| leg.pieces.len()).sum();
+            for leg in &mut self.legs {
+                if total <= MOST_REMEMBERED {
+                    return;
+                }
+                total -= leg.pieces.len();
+                shrink(leg);
+                total += leg.pieces.len();
             }
-            total -= leg.stretches.len();
-            leg.stretches = Vec::new();
         }
     }
 

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::piece::Piece;
-use super::preintegrator::{Preintegrator, Stretch};
+use super::preintegrator::{Integrals, Preintegrator, Stretch};
 use crate::Stamp;
 
 /// From one rest to the next, whatever is thought of them.
@@ -15,11 +15,41 @@ pub struct Leg {
     /// … and the one that it comes to.
     pub to: Stamp,
     /// What lies between them; empty once that was forgotten.
-    pub(super) stretches: Vec<Stretch>,
+    pub(super) pieces: Vec<Integrals>,
     /// The inside of the rest that it comes to.
-    pub(super) rest: Option<Stretch>,
-    /// All of it as one, of which the integrals are worth nothing.
+    pub(super) rest: Option<Integrals>,
+    /// All of it as one, of which the integrals are worth little.
     pub(super) sum: Stretch,
+}
+
+impl Leg {
+    /// Puts neighbouring pieces together as long as they are short.
+    pub(super) fn coarsen(&mut self) {
+        /// Of their angles, rad.
+        const SHORT: f64 = 0.25;
+        let mut coarser: Vec<Integrals> = Vec::with_capacity(self.pieces.len());
+        let mut single = false;
+        for piece in &self.pieces {
+            let angle = |piece: &Integrals| piece.piece().angle.norm();
+            match coarser.last_mut().filter(|last| single && angle(last) + angle(piece) <= SHORT) {
+                Some(last) => {
+                    *last = last.then(piece);
+                    single = false;
+                }
+                None => {
+                    coarser.push(*piece);
+                    single = true;
+                }
+            }
+        }
+        coarser.shrink_to_fit();
+        self.pieces = coarser;
+    }
+
+    /// Keeps what it was like, and not which way it went.
+    pub(super) fn forget(&mut self) {
+        self.pieces = Vec::new();
+    }
 }
 
 /// Why a turn says nothing of the gyroscope.
@@ -61,15 +91,11 @@ impl<'a> Turn<'a> {
     }
 
     /// What it is made of, in order; the rests within it are among them.
-    pub fn stretches(&self) -> impl Iterator<Item = &'a Stretch> + Clone + use<'a> {
+    pub fn pieces(&self) -> Vec<Piece> {
         let last = self.legs.len() - 1;
         let legs = self.legs.iter().enumerate();
-        legs.flat_map(move |(i, leg)| leg.stretches.iter().chain(leg.rest.iter().filter(move |_| i < last)))
-    }
-
-    /// The same, integrated.
-    pub fn pieces(&self) -> Vec<Piece> {
-        self.stretches().map(Stretch::piece).collect()
+        let pieces = legs.flat_map(|(i, leg)| leg.pieces.iter().chain(leg.rest.iter().filter(move |_| i < last)));
+        pieces.map(Integrals::piece).collect()
     }
 
     /// When the motion began and ended, as far as pieces tell.
@@ -114,7 +140,7 @@ impl<'a> Turn<'a> {
             Some(Unusable::Clipped)
         } else if self.seconds() > LONGEST {
             Some(Unusable::TooLong)
-        } else if self.legs.iter().any(|leg| leg.stretches.is_empty()) {
+        } else if self.legs.iter().any(|leg| leg.pieces.is_empty()) {
             Some(Unusable::Forgotten)
         } else {
             None
@@ -125,6 +151,6 @@ impl<'a> Turn<'a> {
     pub fn resolves(&self, unit: f64) -> bool {
         /// Beyond it the second order says too little, rad.
         const LONGEST: f64 = 0.5;
-        self.stretches().all(|stretch| unit * stretch.piece().angle.norm() <= LONGEST)
+        self.pieces().iter().all(|piece| unit * piece.angle.norm() <= LONGEST)
     }
 }

@@ -7,6 +7,29 @@ use super::piece::Piece;
 use super::timebase::Timebase;
 use crate::Stamp;
 
+/// The integrals of a [`Piece`], as they are remembered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(super) struct Integrals([f32; 10]);
+
+impl Integrals {
+    fn of(piece: &Piece) -> Self {
+        let Piece { angle: a, coning: c, moment: m, seconds } = piece;
+        Self([a.x, a.y, a.z, c.x, c.y, c.z, m.x, m.y, m.z, *seconds].map(|x| x as f32))
+    }
+
+    pub(super) fn piece(&self) -> Piece {
+        let at = |i: usize| f64::from(self.0[i]);
+        let vector = |i: usize| Vector3::new(at(i), at(i + 1), at(i + 2));
+        Piece { angle: vector(0), coning: vector(3), moment: vector(6), seconds: at(9) }
+    }
+
+    /// This one and the next as one.
+    pub(super) fn then(&self, next: &Self) -> Self {
+        Self::of(&self.piece().then(&next.piece()))
+    }
+}
+
 /// A piece of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stretch {
@@ -14,8 +37,8 @@ pub struct Stretch {
     pub start: Stamp,
     /// The end is the start of the next one.
     pub end: Stamp,
-    /// α, β, μ and T of [`Piece`].
-    integrals: [f32; 10],
+    /// What was integrated.
+    pub(super) integrals: Integrals,
     /// ∫ ‖ω‖ dt, rad.
     pub path: f32,
     /// Σ ‖second difference of ω‖² h², rad²: what changes faster than the samples follow.
@@ -33,21 +56,14 @@ pub struct Stretch {
 impl Stretch {
     /// Its integrals.
     pub fn piece(&self) -> Piece {
-        let at = |i: usize| f64::from(self.integrals[i]);
-        let vector = |i: usize| Vector3::new(at(i), at(i + 1), at(i + 2));
-        Piece { angle: vector(0), coning: vector(3), moment: vector(6), seconds: at(9) }
-    }
-
-    fn with(self, piece: &Piece) -> Self {
-        let Piece { angle: a, coning: c, moment: m, seconds } = piece;
-        let integrals = [a.x, a.y, a.z, c.x, c.y, c.z, m.x, m.y, m.z, *seconds].map(|x| x as f32);
-        Self { integrals, ..self }
+        self.integrals.piece()
     }
 
     /// This one and the next as one.
     pub fn then(&self, next: &Self) -> Self {
-        let both = Self {
+        Self {
             end: next.end,
+            integrals: self.integrals.then(&next.integrals),
             path: self.path + next.path,
             roughness: self.roughness + next.roughness,
             gap: self.gap.max(next.gap),
@@ -55,8 +71,7 @@ impl Stretch {
             pinned: self.pinned.saturating_add(next.pinned),
             broken: self.broken || next.broken,
             ..*self
-        };
-        both.with(&self.piece().then(&next.piece()))
+        }
     }
 }
 
@@ -200,7 +215,7 @@ impl Preintegrator {
         let stretch = Stretch {
             start: start?,
             end,
-            integrals: [0.0; 10],
+            integrals: Integrals::of(&Piece { angle, coning, moment: first_moment * 2.0 - angle * seconds, seconds }),
             path: path as f32,
             roughness: roughness as f32,
             gap: gap as f32,
@@ -208,6 +223,6 @@ impl Preintegrator {
             pinned,
             broken: broken || was,
         };
-        Some(stretch.with(&Piece { angle, coning, moment: first_moment * 2.0 - angle * seconds, seconds }))
+        Some(stretch)
     }
 }

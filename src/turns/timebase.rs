@@ -45,9 +45,10 @@ impl Timebase {
         // Where the stamp is against the line, one sample on.
         let mut error = interval - late - self.period;
         let mut steps = 1.0;
-        if error > 0.5 * self.period && error > 4.0 * self.jitter.sqrt() {
-            // Samples were lost.
-            steps += libm::rint(error / self.period);
+        let slip = libm::rint(error / self.period);
+        if slip != 0.0 && error.abs() > 3.3 * self.jitter.sqrt() {
+            // Samples were lost; or it was a late stamp that looked like that.
+            steps = (steps + slip).max(0.0);
             error -= (steps - 1.0) * self.period;
         }
         // What is off the line again and again is another line.
@@ -56,13 +57,13 @@ impl Timebase {
         let n = self.memory;
         let (level, slope) = (2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0)));
         let advance = steps * self.period + level * error;
-        self.period = (self.period + slope * error / steps).max(1.0);
+        self.period = (self.period + slope * error / steps.max(1.0)).max(1.0);
         let share = 1.0 / n.min(64.0);
         self.jitter += (error * error - self.jitter) * share;
         self.wander += (error * self.error - self.wander) * share;
         self.error = error;
         self.last = Some((stamp, late + advance - interval));
-        Some(if n < LEAST { interval } else { advance })
+        Some(if n < LEAST { interval } else { advance.max(0.0) })
     }
 }
 

@@ -22,6 +22,10 @@ pub struct Held {
     pub gyro_sensitivity: Matrix3<f64>,
     pub accel_sensitivity: Matrix3<f64>,
     pub accel_bias: Vector3<f64>,
+    /// What specific force along a unit vector adds to the rate, rad/s.
+    pub g_sensitivity: Matrix3<f64>,
+    /// What a reading of specific force is off by from placement to placement, one standard deviation, m/s².
+    pub placement: f64,
     /// Rotation vectors of wobble, rad.
     pub wobble: f64,
 }
@@ -36,6 +40,8 @@ impl Default for Held {
             gyro_sensitivity: Matrix3::identity(),
             accel_sensitivity: Matrix3::identity(),
             accel_bias: Vector3::zeros(),
+            g_sensitivity: Matrix3::zeros(),
+            placement: 0.0,
             wobble: 0.1,
         }
     }
@@ -48,13 +54,14 @@ pub struct Hand {
     /// Attitude: sensor to world.
     attitude: Rotation3<f64>,
     now: f64,
+    off: Vector3<f64>,
     pub samples: Vec<(Sensor, Sample)>,
 }
 
 impl Hand {
     pub fn new(held: Held, seed: u64) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        Self { held, rng, attitude: Rotation3::identity(), now: 1.0, samples: Vec::new() }
+        Self { held, rng, attitude: Rotation3::identity(), now: 1.0, off: Vector3::zeros(), samples: Vec::new() }
     }
 
     pub fn normal(&mut self) -> Vector3<f64> {
@@ -71,14 +78,16 @@ impl Hand {
         let log_time = stamp.nanos() as u64;
         let held = self.held.clone();
         let force = attitude.inverse() * Vector3::z() * G + self.normal() * jolt;
-        let accel = held.accel_sensitivity * force + held.accel_bias + self.normal() * held.accel_noise;
-        let gyro = held.gyro_sensitivity * (rate + held.gyro_bias + self.normal() * held.gyro_noise);
+        let accel = held.accel_sensitivity * force + held.accel_bias + self.off + self.normal() * held.accel_noise;
+        let gyro = held.gyro_sensitivity * (rate + held.gyro_bias + self.normal() * held.gyro_noise)
+            + held.g_sensitivity * force / G;
         self.samples.push((Sensor::Gyroscope, Sample { stamp, log_time, value: gyro }));
         self.samples.push((Sensor::Accelerometer, Sample { stamp, log_time, value: accel }));
         self.now += 1.0 / held.rate_hz;
     }
 
     pub fn rest(mut self, seconds: f64) -> Self {
+        self.off = self.normal() * self.held.placement;
         for _ in 0..(seconds * self.held.rate_hz) as usize {
             self.sample(&self.attitude.clone(), &Vector3::zeros(), 0.0);
         }
@@ -88,6 +97,33 @@ impl Hand {
     /// Turns by a rotation vector of its own axes, as a hand does: wobbling.
     pub fn turn(self, vector: Vector3<f64>, seconds: f64) -> Self {
         self.sway(vector, seconds, 0.3)
+    }
+
+    /// Turns over until a direction of its own axes points up.
+    pub fn turn_up(self, target: Vector3<f64>, seconds: f64) -> Self {
+        let up = self.up();
+        let axis = target.cross(&up);
+        let angle = axis.norm().atan2(target.dot(&up));
+        // Upside down: about any axis across.
+        let axis = if axis.norm() < 0.1 { up.cross(&Vector3::ith(up.iamin(), 1.0)) } else { axis };
+        self.turn(axis.normalize() * angle, seconds)
+    }
+
+    /// Through faces of a cube in an order of chance, tilted a little, so many turns, and a rest after each.
+    pub fn through_faces(mut self, turns: usize) -> Self {
+        let mut left = Vec::new();
+        let mut face = 4;
+        for _ in 0..turns {
+            if left.is_empty() {
+                left = (0..6).filter(|next| *next != face).collect();
+            }
+            face = left.swap_remove(self.rng.random_range(0..left.len()));
+            let normal = Vector3::ith(face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
+            let target = (normal + self.normal() * 0.03).normalize();
+            let seconds = self.rng.random_range(1.0..2.5);
+            self = self.turn_up(target, seconds).rest(3.0);
+        }
+        self
     }
 
     /// A table that is knocked: it shakes, and turns nowhere.
@@ -111,12 +147,15 @@ impl Hand {
             start * Rotation3::from_scaled_axis(vector * share) * Rotation3::from_scaled_axis(wobble)
         };
         let count = (seconds * self.held.rate_hz) as usize;
+        let seconds = count as f64 / self.held.rate_hz;
         for i in 0..count {
             let x = (i as f64 + 1.0) / count as f64;
             let small = 1e-4;
             let (before, after) = (at(x - small), at((x + small).min(1.0)));
             let span = ((x + small).min(1.0) - (x - small)) * seconds;
-            let rate = (before.inverse() * after).scaled_axis() / span;
+            let step = (before.inverse() * after).into_inner();
+            let sine = Vector3::new(step.m32 - step.m23, step.m13 - step.m31, step.m21 - step.m12) / 2.0;
+            let rate = sine * (1.0 + sine.norm_squared() / 6.0) / span;
             self.sample(&at(x), &rate, jolt);
         }
         self.attitude = at(1.0);

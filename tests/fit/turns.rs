@@ -2,11 +2,16 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::hand::{Hand, Held};
+use crate::hand::{self, Hand, Held};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
 use stillpoint::Stamp;
+use stillpoint::engine::{Config, Engine, Message};
+use stillpoint::fit;
 use stillpoint::imu::Sensor;
+use stillpoint::messages::Triad;
+use stillpoint::messages::triad::Model;
 use stillpoint::still::{self, Outcome, Rest, Segmenter};
 use stillpoint::turns::{Candidate, Ends, History, Limit, Piece, Preintegrator, predict};
 
@@ -190,7 +195,7 @@ fn turns_tell_where_gravity_went_whatever_the_unit() {
         let held = Held { gyro_sensitivity: Matrix3::identity() * per_radian, rate_hz: hz, ..Held::default() };
         let ceiling = still::Config::default().gyro_ceiling * per_radian.max(1.0);
         let hand = Hand::new(held, 3).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 1.5).rest(3.0);
-        let hand = hand.turn(Vector3::new(1.0, 1.0, 0.2), 2.0).rest(0.6).turn(Vector3::y() * PI, 2.5).rest(70.0);
+        let hand = hand.turn(Vector3::new(1.0, 1.0, 0.2), 2.0).rest(1.5).turn(Vector3::y() * PI, 2.5).rest(70.0);
         let mut segmenter = Segmenter::new(&still::Config { gyro_ceiling: ceiling, ..still::Config::default() }, 0);
         let (mut history, mut rests) = (History::default(), Vec::new());
         for (sensor, sample) in &hand.samples {
@@ -279,4 +284,115 @@ fn what_disqualifies_a_turn_is_said() {
 
     let slow = Hand::new(Held::default(), 4).rest(3.0).turn(Vector3::x() * FRAC_PI_2, 25.0).rest(3.0);
     assert_eq!(reason(&slow, None), Some(Unusable::TooLong));
+}
+
+/// What an engine makes of it: accelerometer and gyroscope.
+fn learned(hand: &Hand) -> (Triad, Triad) {
+    let fit = fit::Config { gravity: Some(hand::G), ..fit::Config::default() };
+    let mut engine = Engine::new(Config { fit, ..Config::default() });
+    let mut events = Vec::new();
+    hand.samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
+    engine.finish(&mut events);
+    let last = events.into_iter().rev().find_map(|event| match event.message {
+        Message::Calibration(calibration) => Some(*calibration),
+        _ => None,
+    });
+    let calibration = last.unwrap();
+    (calibration.accelerometer.unwrap(), calibration.gyroscope.unwrap())
+}
+
+/// A sensor whose axes are skewed and scaled as a datasheet allows.
+fn skewed(seed: u64) -> Held {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let mut off = || Matrix3::from_fn(|_, _| rng.random_range(-0.02..0.02));
+    let (gyroscope, accelerometer) = (off(), off().lower_triangle());
+    Held {
+        gyro_sensitivity: Matrix3::identity() + gyroscope,
+        accel_sensitivity: Matrix3::identity() + accelerometer,
+        accel_bias: Vector3::new(0.2, -0.1, 0.15),
+        placement: 0.005,
+        ..Held::default()
+    }
+}
+
+/// Entries of S within their 95 % intervals, and the largest error over its standard deviation.
+fn within(triad: &Triad, truth: &Matrix3<f64>) -> (usize, f64) {
+    let errors =
+        (0..9).map(|k| (triad.sensitivity[k] - truth[(k / 3, k % 3)]).abs() / triad.sensitivity_std[k].max(1e-12));
+    let errors: Vec<_> = errors.collect();
+    (errors.iter().filter(|error| **error <= 1.96).count(), errors.iter().copied().fold(0.0, f64::max))
+}
+
+#[test]
+fn six_faces_and_the_turns_between_them_determine_both_sensors() {
+    let (mut inside, mut all) = (0, 0);
+    for seed in 0..8 {
+        let held = skewed(seed);
+        let (gyro, accel) = (held.gyro_sensitivity, held.accel_sensitivity);
+        let (accelerometer, gyroscope) = learned(&Hand::new(held, seed).rest(3.0).through_faces(24));
+        assert_eq!(accelerometer.model(), Model::Triangular, "{seed}: {:?}", accelerometer.notes);
+        assert_eq!(gyroscope.model(), Model::Turns, "{seed}: {:?}", gyroscope.notes);
+        assert!(accelerometer.worst_case_error.unwrap() < 0.06, "{seed}: {:?}", accelerometer.worst_case_error);
+        assert!(gyroscope.turns >= 20 && gyroscope.row_norms.is_some());
+        for (triad, truth) in [(&accelerometer, accel), (&gyroscope, gyro)] {
+            let (good, worst) = within(triad, &truth);
+            assert!(worst < 6.0, "{seed}: {worst} {:?} {truth}", triad.sensitivity);
+            (inside, all) = (inside + good, all + 9);
+        }
+    }
+    assert!(100 * inside > 85 * all, "{inside} of {all}");
+}
+
+#[test]
+fn what_gravity_adds_to_the_rates_is_found_and_taken_out_of_the_turns() {
+    let by_up = Matrix3::new(0.35, 1.0, -0.8, -1.5, 0.2, 1.1, 0.6, -0.9, 0.4) * 1.75e-3;
+    let held = Held { g_sensitivity: by_up, ..skewed(3) };
+    let truth = held.gyro_sensitivity;
+    let (_, gyroscope) = learned(&Hand::new(held, 3).rest(3.0).through_faces(20));
+    assert!(within(&gyroscope, &truth).1 < 6.0, "{:?} {truth}", gyroscope.sensitivity);
+    for k in 0..9 {
+        assert!(
+            (gyroscope.g_sensitivity[k] * hand::G - by_up[(k / 3, k % 3)]).abs() < 2e-4,
+            "{:?}",
+            gyroscope.g_sensitivity
+        );
+    }
+}
+
+#[test]
+fn turns_about_the_vertical_claim_no_scale() {
+    // Six faces, and then a drive.
+    let hand = Hand::new(skewed(5), 5).rest(3.0).through_faces(5);
+    let hand = (0..12).fold(hand, |hand, i| {
+        let up = hand.up();
+        hand.turn(up * if i % 2 == 0 { 1.5 } else { -2.5 }, 2.0).rest(3.0)
+    });
+    let (accelerometer, gyroscope) = learned(&hand);
+    assert_ne!(accelerometer.model(), Model::None);
+    assert!(gyroscope.sensitivity.is_empty() && gyroscope.bias.is_some());
+    assert!(gyroscope.notes.iter().any(|note| note.contains("vertical")), "{:?}", gyroscope.notes);
+}
+
+#[test]
+fn clipped_turns_are_left_out_and_said() {
+    let held = skewed(6);
+    let truth = held.gyro_sensitivity;
+    let mut hand = Hand::new(held, 6).rest(3.0).through_faces(24);
+    hand.samples.iter_mut().filter(|(sensor, _)| *sensor == Sensor::Gyroscope).for_each(|(_, sample)| {
+        sample.value = sample.value.map(|x| x.clamp(-2.6, 2.6));
+    });
+    let (_, gyroscope) = learned(&hand);
+    assert!(gyroscope.notes.iter().any(|note| note.contains("end of the range")), "{:?}", gyroscope.notes);
+    if !gyroscope.sensitivity.is_empty() {
+        assert!(within(&gyroscope, &truth).1 < 6.0, "{:?} {truth}", gyroscope.sensitivity);
+    }
+}
+
+#[test]
+fn without_a_calibrated_accelerometer_turns_claim_nothing() {
+    let hand = Hand::new(skewed(7), 7).rest(3.0).turn_up(Vector3::x(), 1.5).rest(3.0);
+    let hand = (0..9).fold(hand, |hand, i| hand.turn_up([Vector3::z(), Vector3::x()][i % 2], 1.5).rest(3.0));
+    let (accelerometer, gyroscope) = learned(&hand);
+    assert_eq!(accelerometer.model(), Model::None);
+    assert!(gyroscope.sensitivity.is_empty() && gyroscope.bias.is_some());
 }

@@ -1,0 +1,219 @@
+//! What the turns between the remembered rests determine: the gyroscope's sensitivity, and with it the accelerometer's entries
+//! off the diagonal. How they are fitted is left to [`turn_fit`].
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::model_trial::ModelTrial;
+use super::observations;
+use super::rest_history::JudgedRest;
+use super::rest_judge::{Judge, Poses};
+use super::solution::{Givens, Solution};
+use crate::Stamp;
+use crate::fit::accelerometer::{Assumptions, fit_with};
+use crate::fit::turn_fit::{self, RestSeen, TooLittle, TurnEstimate, TurnSeen, TurnSession};
+use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
+use crate::still::TriadMean;
+use crate::turns::{History, Unusable};
+
+/// What the turns determine beside an accelerometer, or why not.
+#[derive(Clone, Debug)]
+pub(super) struct Turning {
+    pub(super) found: Result<TurnEstimate, TooLittle>,
+    /// How many turns do not count, and why.
+    pub(super) unusable: Vec<(Unusable, usize)>,
+    /// Whether they made the accelerometer a triangular one.
+    pub(super) completed: bool,
+}
+
+impl Turning {
+    /// In words.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        match &self.found {
+            Ok(found) => {
+                let rms =
+                    (found.residuals.iter().map(|x| x * x).sum::<f64>() / found.residuals.len().max(1) as f64).sqrt();
+                remarks.push(format!(
+                    "sensitivity from {} turns between rests, which it explains to {:.2}°",
+                    found.used,
+                    rms.to_degrees()
+                ));
+                if let Some(turn) = found.left_out {
+                    let off = found.residuals.get(turn).copied().unwrap_or(0.0).to_degrees();
+                    remarks.push(format!("turn {} contradicts the others by {off:.1}°: left out", turn + 1));
+                }
+                if !found.redundant {
+                    remarks.push("without one of the turns the others would say less: turn it once more".to_owned());
+                }
+            }
+            Err(why) => remarks.push(format!("no sensitivity from turns: {why}")),
+        }
+        for (why, count) in &self.unusable {
+            let why = match why {
+                Unusable::Gap => "readings are missing",
+                Unusable::Stamps => "the stamps break",
+                Unusable::Clipped => "the rate reached the end of the range: turn it more slowly, or set a wider range",
+                Unusable::TooLong => "it lasted more than 20 s",
+                Unusable::Forgotten => "it was too long ago to be remembered",
+            };
+            remarks.push(format!("{count} turns do not count: {why}"));
+        }
+        remarks
+    }
+}
+
+/// Fits the turns beside an accelerometer; `None` where there is none to fit them beside, or no turn.
+pub(super) fn fit(
+    entries: &[JudgedRest],
+    judge: &Judge<'_>,
+    givens: &Givens<'_>,
+    accelerometer: &Estimate,
+) -> Option<Turning> {
+    let noise = observations::gyroscope_noise(judge.segmenter);
+    let (session, unusable) = session(givens.turns, entries, noise, givens.gyro_range);
+    if session.turns.is_empty() && unusable.is_empty() {
+        return None;
+    }
+    let scatter = accelerometer.placement_std.first().copied().unwrap_or(judge.fit.placement_std);
+    let found = turn_fit::fit(&session, accelerometer, scatter.max(MIN_SCATTER));
+    let within = |found: &TurnEstimate| {
+        let bounds = &judge.fit.bounds;
+        (0..9).all(|k| {
+            let (row, column) = (k / 3, k % 3);
+            let bound = if row == column { &bounds.gyro_scale } else { &bounds.gyro_cross_axis };
+            bound.contains(row, found.sensitivity[(row, column)])
+        })
+    };
+    let found = found.and_then(|found| if within(&found) { Ok(found) } else { Err(TooLittle::Unsolved) });
+    Some(Turning { found, unusable, completed: false })
+}
+
+/// Placements scatter by this at least, m/s².
+const MIN_SCATTER: f64 = 5e-4;
+
+/// The gyroscope with what the turns say of it.
+pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solution {
+    let at_rest = solution.gyroscope.clone();
+    let found = turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
+    let gyroscope = match (&at_rest, found) {
+        (Some(bias), Some(found)) if bias.shape == Parameterisation::BIAS => Some(found.with_bias(bias)),
+        _ => at_rest.clone(),
+    };
+    Solution { gyroscope, gyro_at_rest: at_rest, turning, ..solution }
+}
+
+/// What the turns say of the accelerometer, if it errs less with it: a triangular one of one on the faces.
+pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
+    let config = judge.fit;
+    let wanted = config.model == Model::Auto && config.estimator == Estimator::Magnitude && config.loss == Loss::Square;
+    let (Ok(found), Ok(fit)) = (&turning.found, &attempt.fit) else { return };
+    if !wanted {
+        return;
+    }
+    let richer = match (fit.shape, attempt.poses) {
+        (Parameterisation::TRIANGULAR, _) => {
+            let (parameters, covariance) = &found.accelerometer;
+            let parameters = DVector::from_iterator(9, parameters.iter().copied());
+            let covariance = DMatrix::from_fn(9, 9, |i, j| covariance[(i, j)]);
+            Some(Estimate { parameters, covariance, ..fit.clone() })
+        }
+        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => {
+            triangular(attempt, fit, found, judge, givens)
+        }
+        _ => None,
+    };
+    let gravity = givens.gravity.value;
+    let richer = richer.filter(|richer| richer.agrees());
+    if let Some(richer) = richer.filter(|richer| richer.worst_case_error(gravity) < fit.worst_case_error(gravity)) {
+        attempt.fit = Ok(richer);
+        turning.completed = true;
+    }
+}
+
+/// A triangular accelerometer from placements on the faces, and what the turns say.
+fn triangular(
+    attempt: &ModelTrial,
+    fit: &Estimate,
+    found: &TurnEstimate,
+    judge: &Judge<'_>,
+    givens: &Givens<'_>,
+) -> Option<Estimate> {
+    let config = judge.fit;
+    let mut start = fit.calibration();
+    for (entry, value) in turn_fit::OffDiagonals::ENTRIES.into_iter().zip(&found.off_diagonals.value) {
+        start.sensitivity[entry] = *value;
+    }
+    let given = Assumptions {
+        shape: Parameterisation::TRIANGULAR,
+        estimator: config.estimator,
+        gravity: givens.gravity,
+        placement_std: config.placement_std,
+        loss: config.loss,
+        bounds: &config.bounds,
+        start,
+    };
+    let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
+    let mut richer = fit_with(&observations, &given, Some(&found.off_diagonals)).ok()?;
+    for doubt in &attempt.doubts {
+        // Of bias and scale; what is below the diagonal the turns say.
+        let mut moved = DVector::zeros(richer.parameters.len());
+        for (from, to) in [0, 1, 2, 3, 5, 8].into_iter().enumerate() {
+            moved[to] = doubt.moved.get(from).copied().unwrap_or(0.0);
+        }
+        richer.widen(&moved);
+    }
+    Some(richer)
+}
+
+/// The turns that count, between rests that are believed, and how many others there are.
+fn session(
+    history: &History,
+    entries: &[JudgedRest],
+    noise: f64,
+    range: Option<f64>,
+) -> (TurnSession, Vec<(Unusable, usize)>) {
+    let told: Vec<_> = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).collect();
+    let place = |start: Stamp| told.iter().position(|entry| entry.rest.start == start);
+    let first = told.first().map_or(Stamp::default(), |entry| entry.rest.start);
+    let rests = told.iter().filter_map(|entry| seen(entry, first)).collect();
+    let (mut turns, mut unusable) = (Vec::new(), Vec::<(Unusable, usize)>::new());
+    for turn in history.turns(|start| place(start).is_some()) {
+        if let Some(why) = turn.unusable(range) {
+            match unusable.iter_mut().find(|(known, _)| *known == why) {
+                Some((_, count)) => *count += 1,
+                None => unusable.push((why, 1)),
+            }
+            continue;
+        }
+        let (Some(from), Some(to), true) = (place(turn.from), place(turn.to), turn.resolves(1.0)) else { continue };
+        turns.push(TurnSeen {
+            rests: [from, to],
+            pieces: turn.pieces(),
+            seconds: turn.seconds(),
+            path: turn.path(),
+            roughness: turn.roughness(),
+        });
+    }
+    let walks = told.iter().filter_map(|entry| {
+        let gyroscope = entry.rest.gyroscope.as_ref()?;
+        Some(gyroscope.mean_variance().mean() * entry.rest.seconds())
+    });
+    let random_walk = walks.sum::<f64>() / told.len().max(1) as f64;
+    (TurnSession { rests, turns, random_walk }, unusable)
+}
+
+fn seen(entry: &JudgedRest, first: Stamp) -> Option<RestSeen> {
+    let rest = &entry.rest;
+    let gyroscope = rest.gyroscope.as_ref()?;
+    let TriadMean { mean, trend, trend_noise, .. } = &rest.accelerometer;
+    // A rest that settles, or is held by a hand, ends elsewhere than it began.
+    let shown = (1.0 - (3.0 * trend_noise).powi(2) / trend.norm_squared().max(f64::MIN_POSITIVE)).max(0.0);
+    let half: Vector3<f64> = trend * (shown / 2.0);
+    Some(RestSeen {
+        force: [mean - half, mean + half],
+        force_noise: rest.accelerometer.mean_variance() + half.component_mul(&half) / 4.0,
+        rate: gyroscope.mean,
+        rate_noise: gyroscope.mean_variance(),
+        time: rest.start.seconds_since(first),
+    })
+}
