@@ -1,4 +1,5 @@
-//! Readings corrected by a published calibration: `true = S⁻¹ (measured − bias)`. Putting them into messages is left to
+//! Readings corrected by a published calibration: `true = S⁻¹ (measured − bias)`, of a gyroscope that feels acceleration
+//! `S⁻¹ (measured − bias − G · true acceleration)`. Putting them into messages is left to
 //! [`Intake::rewrite`](crate::imu::Intake::rewrite).
 
 use nalgebra::{Matrix3, Vector3};
@@ -12,9 +13,19 @@ use crate::messages::{Calibration, Triad};
 /// What a calibration says of each triad that it determines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Corrections {
-    /// Bias and S⁻¹ of the accelerometer, of the gyroscope, of each secondary.
-    triads: Vec<Option<(Vector3<f64>, Matrix3<f64>)>>,
+    /// Of the accelerometer, of the gyroscope, of each secondary.
+    triads: Vec<Option<Correction>>,
     undetermined: Vec<String>,
+}
+
+/// What takes a reading of one triad back to the truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Correction {
+    bias: Vector3<f64>,
+    /// S⁻¹.
+    inverse: Matrix3<f64>,
+    /// G of a gyroscope, rad/s per m/s².
+    g_sensitivity: Option<Matrix3<f64>>,
 }
 
 impl Corrections {
@@ -29,16 +40,31 @@ impl Corrections {
         }
     }
 
-    /// The true value behind a measured one, if the triad is determined. In m/s² or rad/s.
-    pub fn correct(&self, sensor: Sensor, measured: Vector3<f64>) -> Option<Vector3<f64>> {
+    /// Whether a gyroscope's reading is corrected only beside the acceleration of the same moment.
+    pub fn need_acceleration(&self) -> bool {
+        self.triads.iter().flatten().any(|correction| correction.g_sensitivity.is_some())
+    }
+
+    /// The true value behind a measured one, in m/s² or rad/s, if the triad is determined; `acceleration` is the true one of
+    /// the same moment, without which a gyroscope that feels it is not corrected.
+    pub fn correct(
+        &self,
+        sensor: Sensor,
+        measured: Vector3<f64>,
+        acceleration: Option<Vector3<f64>>,
+    ) -> Option<Vector3<f64>> {
         let place = match sensor {
             Sensor::Accelerometer => 0,
             Sensor::Gyroscope => 1,
             Sensor::Secondary(i) => 2 + i,
             _ => return None,
         };
-        let (bias, inverse) = self.triads.get(place)?.as_ref()?;
-        Some(inverse * (measured - bias))
+        let Correction { bias, inverse, g_sensitivity } = self.triads.get(place)?.as_ref()?;
+        let felt = match g_sensitivity {
+            Some(g) => g * acceleration?,
+            None => Vector3::zeros(),
+        };
+        Some(inverse * (measured - bias - felt))
     }
 
     /// Names of the triads whose readings stay as they are.
@@ -47,12 +73,16 @@ impl Corrections {
     }
 }
 
-/// Bias and S⁻¹; S is the identity where it is not estimated. Nothing where a reading depends on the other triad, too,
-/// whose value at that moment its message need not have.
-fn correction(triad: &Triad) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-    let alone =
-        [&triad.g_sensitivity, &triad.g2_sensitivity, &triad.rate_sensitivity].iter().all(|more| more.is_empty());
-    let bias = triad.bias.as_ref().filter(|_| triad.status() != Status::Undetermined && alone)?;
+/// S is the identity where it is not estimated. Nothing where a reading depends on rotation, or on the square of an
+/// acceleration: the one would have to be known before the other.
+fn correction(triad: &Triad) -> Option<Correction> {
+    let linear = triad.g2_sensitivity.is_empty() && triad.rate_sensitivity.is_empty();
+    let bias = triad.bias.as_ref().filter(|_| triad.status() != Status::Undetermined && linear)?;
+    let g_sensitivity = match triad.g_sensitivity.as_slice() {
+        [] => None,
+        entries if entries.len() == 9 => Some(Matrix3::from_row_slice(entries)),
+        _ => return None,
+    };
     let sensitivity = match triad.sensitivity.as_slice() {
         [] => Matrix3::identity(),
         entries if entries.len() == 9 => Matrix3::from_row_slice(entries),
@@ -60,8 +90,9 @@ fn correction(triad: &Triad) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     };
     let calibration = fit::Calibration { bias: Vector3::new(bias.x, bias.y, bias.z), sensitivity };
     let inverse = calibration.inverse();
-    let usable = inverse.iter().chain(calibration.bias.iter()).all(|entry| entry.is_finite());
-    usable.then_some((calibration.bias, inverse))
+    let felt = g_sensitivity.iter().flat_map(|matrix| matrix.iter());
+    let usable = inverse.iter().chain(calibration.bias.iter()).chain(felt).all(|entry| entry.is_finite());
+    usable.then_some(Correction { bias: calibration.bias, inverse, g_sensitivity })
 }
 
 #[cfg(test)]
@@ -91,19 +122,33 @@ mod tests {
         });
         // measured = bias + S · true, by hand, for true = (1, 2, 3).
         let measured = Vector3::new(0.1 + 1.1, -0.2 + 0.2 + 1.8, 0.3 - 0.1 + 0.6 + 3.6);
-        let truth = corrections.correct(Sensor::Accelerometer, measured).unwrap();
+        let truth = corrections.correct(Sensor::Accelerometer, measured, None).unwrap();
         assert!((truth - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-14, "{truth}");
-        let rate = corrections.correct(Sensor::Gyroscope, Vector3::new(0.1, -0.2, 1.3)).unwrap();
+        let rate = corrections.correct(Sensor::Gyroscope, Vector3::new(0.1, -0.2, 1.3), None).unwrap();
         assert!((rate - Vector3::new(0.0, 0.0, 1.0)).norm() < 1e-14, "{rate}");
-        assert_eq!(corrections.correct(Sensor::Secondary(0), measured), None);
-        assert_eq!(corrections.correct(Sensor::Secondary(1), measured), None);
+        assert_eq!(corrections.correct(Sensor::Secondary(0), measured, None), None);
+        assert_eq!(corrections.correct(Sensor::Secondary(1), measured, None), None);
         assert_eq!(corrections.undetermined(), ["highg"]);
+    }
+
+    #[test]
+    fn a_gyroscope_that_feels_acceleration_is_corrected_beside_it_alone() {
+        let matrix = vec![1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0];
+        let g_sensitivity = vec![0.01, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0];
+        let gyroscope = Triad { g_sensitivity, ..triad("gyroscope", Status::Confirmed, matrix) };
+        let corrections = Corrections::of(&Calibration { gyroscope: Some(gyroscope), ..Calibration::default() });
+        assert!(corrections.need_acceleration() && corrections.undetermined().is_empty());
+        // measured = bias + S · true + G · acceleration, by hand, for true = (1, 2, 3) and acceleration = (5, 0, 10).
+        let measured = Vector3::new(0.1 + 1.1 + 0.2 + 0.05, -0.2 + 1.8 + 0.2, 0.3 + 3.0);
+        let truth = corrections.correct(Sensor::Gyroscope, measured, Some(Vector3::new(5.0, 0.0, 10.0))).unwrap();
+        assert!((truth - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-14, "{truth}");
+        assert_eq!(corrections.correct(Sensor::Gyroscope, measured, None), None);
     }
 
     #[test]
     fn a_sensitivity_that_cannot_be_inverted_corrects_nothing() {
         let singular = Some(triad("accelerometer", Status::Confirmed, vec![0.0; 9]));
         let corrections = Corrections::of(&Calibration { accelerometer: singular, ..Calibration::default() });
-        assert_eq!(corrections.correct(Sensor::Accelerometer, Vector3::zeros()), None);
+        assert_eq!(corrections.correct(Sensor::Accelerometer, Vector3::zeros(), None), None);
     }
 }

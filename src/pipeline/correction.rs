@@ -1,13 +1,14 @@
 //! Corrected messages: those of the sources, with true values in the place of the measured ones. When, and by which
 //! calibration, is left to [`Learner`](crate::pipeline::learner::Learner) and to the [correction pass](crate::pipeline::correction_pass).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::sources::Sources;
 use crate::annotate::{Annotator, Corrections};
-use crate::imu::ImuId;
+use crate::imu::{ImuId, Intake, Sensor};
 use crate::record::{Block, Channel, Message, Schema, Topic};
 use crate::topic::{self, Kind};
 
@@ -30,6 +31,25 @@ pub(crate) fn corrected_topic(imu: &str, channel: &Channel, schema: Option<&Sche
     }
 }
 
+/// The message that the intake has just taken, corrected for each IMU that it is of.
+pub(crate) fn corrected<'i, 'c>(
+    intake: &'i Intake,
+    message: &Message<'_>,
+    by: impl Fn(ImuId) -> Option<&'c Corrections>,
+) -> Vec<(&'i str, Vec<u8>)> {
+    // The accelerations in it come first, for gyroscopes that feel them.
+    let mut accelerations: BTreeMap<ImuId, Vector3<f64>> = BTreeMap::new();
+    intake.rewrite(message.channel, message.data, |imu, sensor, value| {
+        let corrections = by(imu).filter(|corrections| corrections.need_acceleration())?;
+        if sensor == Sensor::Accelerometer {
+            accelerations.insert(imu, corrections.correct(sensor, value, None)?);
+        }
+        None
+    });
+    let change = |imu, sensor, value| by(imu)?.correct(sensor, value, accelerations.get(&imu).copied());
+    intake.rewrite(message.channel, message.data, change)
+}
+
 impl Corrector {
     /// Whether there is a corrected message of an IMU of that name.
     pub(crate) fn has_written(&self, name: &str) -> bool {
@@ -48,8 +68,7 @@ impl Corrector {
         mut tell: impl FnMut(&Annotator),
     ) {
         let Some(source) = sources.table.by_id(message.channel) else { return };
-        let change = |imu, sensor, value| by(imu)?.correct(sensor, value);
-        for (imu, data) in sources.intake.rewrite(message.channel, message.data, change) {
+        for (imu, data) in corrected(&sources.intake, message, by) {
             let topic = || corrected_topic(imu, &source.channel, source.schema.as_ref());
             blocks.extend(annotator.push_message(&topic::of(imu, Kind::Corrected), topic, message.log_time, data));
             tell(annotator);

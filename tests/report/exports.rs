@@ -270,6 +270,18 @@ fn what_a_format_cannot_hold_is_refused() {
         assert!(refused(&diagonal, format, &Options { slot: 9, ..raw(Axes::Frd) }).contains("has no sensor 9"));
         assert!(refused(&diagonal, format, &Options { imu: Some("/no".into()), ..raw(Axes::Frd) }).contains("/imu"));
     }
+    for format in [Format::Px4, Format::Ardupilot] {
+        // What the turns show is lost, and said to be; the bias is worth having without it.
+        let mut turned = diagonal.clone();
+        turned.gyro.1[(0, 1)] = 0.01;
+        let mut findings = turned.findings();
+        let gyroscope =
+            findings[0].calibration.as_mut().and_then(|calibration| calibration.gyroscope.as_mut()).unwrap();
+        gyroscope.model = Model::Turns.into();
+        let written = report::export(&findings, format, &raw(Axes::Frd)).unwrap();
+        assert!(written.warnings.iter().any(|said| said.contains("cannot hold the sensitivity of a gyroscope")));
+        assert!(written.text.contains("0.01"), "{}", written.text);
+    }
     let twice = [diagonal.findings(), diagonal.findings()].concat();
     let error = report::export(&twice, Format::ImuCalib, &Options::default()).unwrap_err().to_string();
     assert!(error.contains("--imu"), "{error}");
@@ -316,6 +328,24 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
     folder.refuses("export a.mcap --format px4 --axes flu", 1, &["a.mcap", "--raw", "--in-force"]);
     folder.refuses("import demo.mcap", 1, &["demo.mcap"]);
     folder.refuses("export a.mcap --format kalibr --random-walk 1,1", 1, &["--random-walk", "kalibr-input"]);
+    // Rests of three seconds show no random walk, but bound one.
+    for format in ["kalibr", "kalibr-input"] {
+        let text = folder.say(&format!("export a.mcap --format {format} --random-walk bound")).ok().stdout;
+        let file = yaml(&text);
+        let imu = if format == "kalibr" { &file["imu0"] } else { &file };
+        for (sensor, noise) in [("accelerometer", 0.02), ("gyroscope", 0.002)] {
+            let density = imu[format!("{sensor}_noise_density")].as_f64().unwrap();
+            assert!((density / (noise / 10.0) - 1.0).abs() < 0.2, "{format} {sensor}: {density}");
+            assert!(imu[format!("{sensor}_random_walk")].as_f64().unwrap() > 0.0);
+        }
+        assert!(text.contains("gyroscope_random_walk is an upper bound (95 %), not an estimate"), "{text}");
+    }
+    let unasked = folder.say("export a.mcap --format kalibr").ok().stdout;
+    assert!(unasked.contains("# gyroscope_random_walk: no more than "), "{unasked}");
+    assert_eq!(yaml(&unasked)["imu0"].get("gyroscope_random_walk"), None);
+    folder.refuses("export a.mcap --format kalibr-input", 1, &["--random-walk bound"]);
+    folder.refuses("export a.mcap --format px4 --random-walk bound --raw --axes flu", 1, &["kalibr"]);
+    folder.refuses("export a.mcap --format kalibr --random-walk least", 2, &["the word bound"]);
     folder.refuses("export a.mcap --format json --imu /nope", 1, &["no IMU /nope; there are: "]);
     let input = folder.say("export a.mcap --format kalibr-input --random-walk 2e-4,4e-6").ok().stdout;
     let input = yaml(&input);

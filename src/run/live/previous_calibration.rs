@@ -7,7 +7,7 @@ use crate::annotate::Corrections;
 use crate::config::Config;
 use crate::imu::ImuId;
 use crate::messages::Calibration;
-use crate::pipeline::correction::corrected_topic;
+use crate::pipeline::correction::{corrected, corrected_topic};
 use crate::pipeline::sources::Sources;
 use crate::record::{Annotation, Channel, Event, Message, Schema, Topic};
 use crate::report::{Findings, same};
@@ -50,8 +50,7 @@ impl Earlier {
             }
         }
         let by = |id: ImuId| self.by.get(&self.sources.intake.imus().get(id.index())?.name)?.as_ref();
-        let change = |id, sensor, value| by(id)?.correct(sensor, value);
-        let rewritten = self.sources.intake.rewrite(message.channel, message.data, change);
+        let rewritten = corrected(&self.sources.intake, message, by);
         let annotation = |data| Annotation { topic: 0, sequence: 0, log_time: message.log_time, data };
         let Some(source) = self.sources.table.by_id(message.channel) else { return Vec::new() };
         let topic = |imu| corrected_topic(imu, &source.channel, source.schema.as_ref());
