@@ -26,10 +26,11 @@ pub struct Cli {
 
 const EXIT_CODES: &str = "Exit codes:
   0  done; also when no calibration could be published
-  1  no recording, no permission, output exists, disk full, no usable IMU topic
+  1  no recording, no permission, output exists, no usable IMU topic
   2  command line or configuration
   3  done, but the input was damaged or never finished (0 with --accept-damage)
-  4  done, but --require-calibration was not met";
+  4  done, but --require-calibration was not met
+  5  passing trouble, such as a full disk or a server out of reach: the same command may succeed later";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -199,6 +200,9 @@ pub struct Watch {
     /// Finished recordings that are worked on at a time [default: one a core]
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub jobs: Option<usize>,
+    /// A finished recording that takes longer is left alone [default: 10min, and a second more for each MiB]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub time_limit: Option<Duration>,
     /// Keep the annotations as files of their own beside the annotated recordings
     #[arg(long)]
     pub keep_sidecar: bool,

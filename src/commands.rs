@@ -56,6 +56,7 @@ pub enum Code {
     Done,
     Damaged,
     Uncalibrated,
+    Passing,
     Refused,
     Usage,
 }
@@ -66,6 +67,7 @@ impl Code {
         tracing::error!("{error}");
         match error {
             Error::Usage(_) | Error::Config(_) => Self::Usage,
+            error if error.is_passing() => Self::Passing,
             _ => Self::Refused,
         }
     }
@@ -84,6 +86,7 @@ impl From<Code> for ExitCode {
             Code::Usage => 2,
             Code::Damaged => 3,
             Code::Uncalibrated => 4,
+            Code::Passing => 5,
         })
     }
 }
@@ -120,6 +123,8 @@ fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run:
 
 /// Writes a text where it was asked for: a new file, or standard output. A file that says the same is left as it is.
 fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Result<(), Error> {
+    // Of the formats that are written so, those that hold names have strings with JSON's escapes.
+    let text = &*printable_json(text);
     let Some(path) = output else { return print(text) };
     let partial = partial(path, force, reads)?;
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;

@@ -6,7 +6,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::config;
+use crate::{config, record};
 
 /// Why a command, or its work on one recording, was given up.
 #[derive(Debug, thiserror::Error)]
@@ -53,6 +53,9 @@ pub enum Error {
     /// Another process is at work on the file.
     #[error("{}: another stillpoint is at work on this file; wait for it or choose another name", .0.display())]
     Busy(PathBuf),
+    /// The work has taken longer than it may.
+    #[error("took longer than {} s, as long as it may (--time-limit)", .0.as_secs())]
+    Overdue(std::time::Duration),
     /// A signal asked to stop.
     #[error("stopped on request; nothing was left behind")]
     Stopped,
@@ -71,6 +74,42 @@ impl Error {
     pub fn is_full(&self) -> bool {
         use io::ErrorKind::{QuotaExceeded, StorageFull};
         matches!(self, Self::Io { source, .. } if matches!(source.kind(), StorageFull | QuotaExceeded))
+    }
+
+    /// Whether the same may succeed later: it is the device, the network or the system that is in trouble.
+    pub fn is_passing(&self) -> bool {
+        use rustix::io::Errno;
+        const PASSING: [Errno; 19] = [
+            Errno::IO,
+            Errno::STALE,
+            Errno::NOSPC,
+            Errno::DQUOT,
+            Errno::INTR,
+            Errno::AGAIN,
+            Errno::NOMEM,
+            Errno::NFILE,
+            Errno::MFILE,
+            Errno::TIMEDOUT,
+            Errno::NETDOWN,
+            Errno::NETUNREACH,
+            Errno::HOSTDOWN,
+            Errno::HOSTUNREACH,
+            Errno::CONNRESET,
+            Errno::CONNABORTED,
+            Errno::NOTCONN,
+            Errno::NOLCK,
+            Errno::NXIO,
+        ];
+        let code = |source: &io::Error| source.raw_os_error().map(Errno::from_raw_os_error);
+        matches!(self, Self::Io { source, .. } if code(source).is_some_and(|code| PASSING.contains(&code)))
+    }
+
+    /// What reading records came to: trouble of the system, or an input that cannot be worked on.
+    pub fn reading(path: &Path) -> impl FnOnce(record::Error) -> Self {
+        move |error| match error {
+            record::Error::Read { cause, .. } => Self::io("read", path)(cause),
+            error => Self::input(path, error.to_string()),
+        }
     }
 
     /// An input that cannot be worked on.

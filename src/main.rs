@@ -5,24 +5,55 @@ mod cli;
 mod commands;
 mod console;
 
-use clap::Parser as _;
+use std::panic;
 use std::process::ExitCode;
-use stillpoint::run::{self, Stop};
+use std::thread;
+use std::time::Duration;
 
-#[tokio::main(flavor = "current_thread")]
-async fn main() -> ExitCode {
+use clap::Parser as _;
+use stillpoint::run::{self, Stop};
+use tokio::runtime::{Builder, Runtime};
+
+/// Work that does not yield to a signal for so long is left where it is: files that are not whole have no names yet.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+fn main() -> ExitCode {
     let cli = cli::Cli::parse();
     console::log_to_stderr(&cli);
     run::allow_many_files();
 
     let stop = Stop::default();
-    tokio::spawn(stop.clone().on_signal());
-    let work = tokio::task::spawn_blocking({
-        let stop = stop.clone();
-        move || commands::run(cli, &stop)
-    });
-    match work.await {
-        Ok(code) => stop.signal().map_or(code.into(), |signal| ExitCode::from(128 + signal)),
-        Err(panic) => std::panic::resume_unwind(panic.into_panic()),
+    if let Err(why) = listen(stop.clone()) {
+        tracing::error!("cannot listen for signals: {why}");
+        return ExitCode::FAILURE;
+    }
+    let code = commands::run(cli, &stop);
+    stop.signal().map_or(code.into(), |signal| ExitCode::from(128 + signal))
+}
+
+/// Listens for signals, on a thread of its own.
+fn listen(stop: Stop) -> Result<(), String> {
+    let runtime = runtime()?;
+    let beyond = runtime.block_on(async { run::outlive_file_size_limit() });
+    let signals = async move {
+        let _beyond = beyond;
+        tokio::spawn(stop.clone().on_signal());
+        let signal = stop.overdue(PATIENCE).await;
+        tracing::error!("stopped on request, in the midst of work that did not yield");
+        std::process::exit(128 + i32::from(signal))
+    };
+    let spawned = thread::Builder::new().name("signals".to_owned()).spawn(move || runtime.block_on(signals));
+    spawned.map(drop).map_err(|error| error.to_string())
+}
+
+fn runtime() -> Result<Runtime, String> {
+    // Where the system refuses a file, tokio says so in a panic.
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let built = panic::catch_unwind(|| Builder::new_current_thread().enable_all().build());
+    panic::set_hook(hook);
+    match built {
+        Ok(runtime) => runtime.map_err(|error| error.to_string()),
+        Err(_) => Err("the system refuses a file for it, see ulimit -n".to_owned()),
     }
 }

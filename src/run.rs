@@ -17,7 +17,7 @@ pub use crate::pipeline::{Ending, News, Progress, Tell};
 pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use input::{Input, Listener, Watch, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
-pub use limits::allow_many_files;
+pub use limits::{allow_many_files, outlive_file_size_limit};
 #[cfg(feature = "live")]
 pub use live::{Live, Session};
 pub use output::{Access, Partial, Reads, Written, take_back};

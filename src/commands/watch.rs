@@ -43,6 +43,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
         growing: args.growing,
         finished: args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
         following,
+        time_limit: args.time_limit,
     };
     let current = || config.read().unwrap_or_else(PoisonError::into_inner).clone();
     info!("watching {}", args.folder.display());
@@ -97,7 +98,7 @@ fn reload_on_hangup(typed: cli::Configuration, config: Arc<RwLock<Config>>) -> R
         let _inside = runtime.enter();
         signal(SignalKind::hangup()).map_err(refused)?
     };
-    std::thread::spawn(move || {
+    let listen = move || {
         runtime.block_on(async {
             while hangups.recv().await.is_some() {
                 match configuration(&typed) {
@@ -109,6 +110,6 @@ fn reload_on_hangup(typed: cli::Configuration, config: Arc<RwLock<Config>>) -> R
                 }
             }
         });
-    });
-    Ok(())
+    };
+    std::thread::Builder::new().spawn(listen).map(drop).map_err(refused)
 }

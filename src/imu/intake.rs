@@ -35,7 +35,11 @@ pub struct Intake {
     routes: BTreeMap<u16, Vec<Route>>,
     /// JSON channels whose first message will tell what they are.
     untold: BTreeMap<u16, record::Channel>,
+    /// Which sources read a topic.
+    readers: BTreeMap<String, Vec<usize>>,
     halves: BTreeMap<u16, PairedTopic>,
+    /// Halves by what they have in common with their other one.
+    pairs: BTreeMap<(String, String), BTreeSet<u16>>,
     imus: Vec<Imu>,
     notices: Vec<Notice>,
     fixes: PositionSearch,
@@ -56,18 +60,40 @@ const ZEROS: u64 = 100;
 impl Intake {
     /// An intake for the configured IMUs, and for every topic of a well-known type that these do not mention.
     pub fn new(imus: &[ImuConfig]) -> Self {
-        Self {
-            sources: imus.iter().cloned().map(Source::new).collect(),
+        let mut intake = Self {
+            sources: Vec::new(),
             configured: imus.len(),
             topics: BTreeSet::new(),
             verdicts: BTreeMap::new(),
             routes: BTreeMap::new(),
             untold: BTreeMap::new(),
+            readers: BTreeMap::new(),
             halves: BTreeMap::new(),
+            pairs: BTreeMap::new(),
             imus: Vec::new(),
             notices: Vec::new(),
             fixes: PositionSearch::default(),
+        };
+        imus.iter().for_each(|imu| intake.add(Source::new(imu.clone())));
+        intake
+    }
+
+    fn add(&mut self, source: Source) {
+        let place = self.sources.len();
+        source.topics().for_each(|topic| self.read_by(topic.to_owned(), place));
+        self.sources.push(source);
+    }
+
+    fn read_by(&mut self, topic: String, source: usize) {
+        let readers = self.readers.entry(topic).or_default();
+        if let Err(place) = readers.binary_search(&source) {
+            readers.insert(place, source);
         }
+    }
+
+    /// Whether a JSON channel has yet to say by its first message what it is.
+    pub fn is_untold(&self) -> bool {
+        !self.untold.is_empty()
     }
 
     /// The same, with positions from this topic alone.
@@ -267,11 +293,12 @@ impl Intake {
         let imus: Vec<_> = known.iter().filter(|known| known.imu).collect();
         let by_itself = !self.is_mentioned(topic);
         if by_itself {
-            self.sources.extend(imus.iter().map(|known| Source::found(topic, known, imus.len() == 1)));
+            imus.iter().for_each(|known| self.add(Source::found(topic, known, imus.len() == 1)));
         }
         let mut uses = Vec::new();
         let mut fault = None;
-        for (i, source) in self.sources.iter().enumerate() {
+        for &i in self.readers.get(topic).into_iter().flatten() {
+            let Some(source) = self.sources.get(i) else { continue };
             let known = source.known(&known);
             let requests = source.requests(topic, known);
             if requests.is_empty() {
@@ -315,8 +342,10 @@ impl Intake {
             let request = known.gyro.as_ref().map(Request::other_half);
             half.gyro = request.and_then(|request| Route::new(&half.topic, layout, Some(known), 0, &[request]).ok());
         }
-        let mut others = self.halves.iter();
-        let other = others.find(|(_, other)| other.fits(&half)).map(|(&id, other)| (id, other.clone()));
+        let alike = self.pairs.entry(half.common()).or_default();
+        let mut others = alike.iter().filter_map(|id| Some((*id, self.halves.get(id)?)));
+        let other = others.find(|(_, other)| other.fits(&half)).map(|(id, other)| (id, other.clone()));
+        alike.insert(channel_id);
         self.halves.insert(channel_id, half.clone());
         let Some((other_id, other)) = other else { return verdict };
         self.verdicts.insert(channel_id, verdict);
@@ -347,6 +376,8 @@ impl Intake {
         }
         let Some(owner) = self.sources.get_mut(source) else { return };
         owner.gyro_on(&gyro.topic);
+        let name = owner.name();
+        self.read_by(gyro.topic.clone(), source);
         route.source = source;
         // Each device has an accelerometer and a gyroscope, with identifiers of their own.
         route.in_order = route.has_devices();
@@ -354,7 +385,7 @@ impl Intake {
             imu.triads.retain(|triad| triad.sensor != Sensor::Gyroscope);
             imu.triads.insert(1, Triad::gyroscope(&gyro.topic));
         }
-        let uses = route.taps.iter().map(|tap| tap.used_by(owner.name())).collect();
+        let uses = route.taps.iter().map(|tap| tap.used_by(name.clone())).collect();
         self.verdicts.insert(gyro_id, ChannelRole::Used(uses));
         self.routes.insert(gyro_id, vec![route]);
         if let Some(ChannelRole::Used(uses)) = self.verdicts.get_mut(&accel_id) {
@@ -366,7 +397,7 @@ impl Intake {
     }
 
     fn is_mentioned(&self, topic: &str) -> bool {
-        self.sources.iter().any(|source| source.topics().any(|own| own == topic))
+        self.readers.contains_key(topic)
     }
 }
 

@@ -178,12 +178,29 @@ impl Inflate {
             }
         }
         // A buffer of a longer chunk before has room for more than is claimed.
+        let more = self.out.len() > size || self.zstd_goes_on(&mut input)?;
         self.out.truncate(size);
-        Ok(())
+        exact(more, size)
+    }
+
+    /// Whether more comes out than was asked for.
+    fn zstd_goes_on(&mut self, input: &mut InBuffer<'_>) -> Result<bool, String> {
+        let Some(decoder) = &mut self.zstd else { return Ok(false) };
+        let mut beyond = [0; 1];
+        let mut output = OutBuffer::around(&mut beyond[..]);
+        loop {
+            let before = input.pos();
+            // What stands behind the last frame is no frame: it is ignored, as every reader does.
+            let Ok(_) = decoder.run(input, &mut output) else { return Ok(false) };
+            if output.pos() > 0 || input.pos() == before {
+                return Ok(output.pos() > 0);
+            }
+        }
     }
 
     fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
         let (mut rest, mut filled) = (data, 0);
+        let mut more = false;
         // What is there of the chunk before is written over, which is faster than to clear it.
         self.out.truncate(size);
         while filled < size && !rest.is_empty() {
@@ -198,9 +215,19 @@ impl Inflate {
                     read => filled += read,
                 }
             }
+            more = frame.read(&mut [0; 1]).is_ok_and(|read| read > 0);
         }
+        more |= lz4::Decoder::new(&mut rest).is_ok_and(|mut frame| frame.read(&mut [0; 1]).is_ok_and(|read| read > 0));
         self.out.truncate(filled);
-        Ok(())
+        exact(more, size)
+    }
+}
+
+/// Refuses a chunk that opens to more than it claims: which of its records count, nobody could tell.
+fn exact(more: bool, size: usize) -> Result<(), String> {
+    match more {
+        true => Err(format!("a chunk that opens to more than the {size} bytes that it claims")),
+        false => Ok(()),
     }
 }
 

@@ -24,6 +24,8 @@ const INDEX: u64 = 1 << 20;
 pub struct Chunks {
     walk: Walk,
     open: Option<Chunk>,
+    /// The channels that the message indexes of the open one name.
+    named: BTreeSet<u16>,
     length: u64,
     /// What the summary says of the chunks, once it was asked.
     claims: Option<Claims>,
@@ -47,14 +49,14 @@ impl Chunk {
     /// Where its body stands.
     pub fn body(&self) -> std::ops::Range<u64> {
         let start = self.offset + super::wire::FRAME as u64;
-        start..start + self.length
+        start..start.saturating_add(self.length)
     }
 }
 
 impl Chunks {
     /// The chunks from `offset` on, where a record begins, of a recording of this length.
     pub fn new(offset: u64, length: u64) -> Self {
-        Self { walk: Walk::new(offset..length, BLOCK), open: None, length, claims: None }
+        Self { walk: Walk::new(offset..length, BLOCK), open: None, named: BTreeSet::new(), length, claims: None }
     }
 
     /// Goes on from `offset`, where a record begins behind all chunks that were given.
@@ -103,6 +105,7 @@ impl Chunks {
             match frame.opcode {
                 op::CHUNK => {
                     let next = self.chunk(file, frame)?;
+                    self.named.clear();
                     if let Some(chunk) = self.open.replace(next) {
                         return Ok(Some(chunk));
                     }
@@ -110,8 +113,7 @@ impl Chunks {
                 op::MESSAGE_INDEX => {
                     let channel = Fields(self.walk.body(file, frame, 2)?).u16();
                     if let Some(Chunk { channels: channels @ Some(_), .. }) = &mut self.open {
-                        let new =
-                            channel.filter(|channel| channels.as_ref().is_some_and(|known| !known.contains(channel)));
+                        let new = channel.filter(|&channel| self.named.insert(channel));
                         *channels = channels.take().zip(new).map(|(mut known, new)| {
                             known.push(new);
                             known

@@ -9,7 +9,7 @@ pub enum Error {
     #[error("the recording is empty: was its recorder ever started?")]
     Empty,
     /// The first bytes are not MCAP's.
-    #[error("not an MCAP recording: it begins with {found:02x?}; convert ROS bags with `mcap convert` first")]
+    #[error("not an MCAP recording: it {}; convert ROS bags with `mcap convert` first", beginning(found))]
     NotMcap {
         /// The bytes that stand there.
         found: Vec<u8>,
@@ -52,4 +52,11 @@ pub enum Error {
         /// What the system says.
         cause: io::Error,
     },
+}
+
+fn beginning(found: &[u8]) -> String {
+    match found {
+        [] => "is shorter than the first bytes of one".to_owned(),
+        found => format!("begins with {found:02x?}"),
+    }
 }

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::shape::end;
 use super::wire::{FRAME, Fields};
 
 /// The part of a growing file that is being looked at.
@@ -36,9 +37,9 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The first byte behind it.
+    /// The first byte behind it; beyond every file if its length is beyond all measure.
     pub(super) fn end(&self) -> u64 {
-        self.offset + FRAME as u64 + self.length
+        end(self.offset, self.length)
     }
 }
 
@@ -107,11 +108,8 @@ impl Horizon {
             Err(stop) => return Err(self.forget_if_waiting(stop)),
         };
         let frame = Frame { offset: self.offset, opcode, length };
-        let whole = (FRAME as u64)
-            .checked_add(length)
-            .and_then(|size| self.offset.checked_add(size))
-            .is_some_and(|end| end <= self.extent.length);
-        match whole {
+        // No file is as long as the largest number.
+        match frame.end() <= self.extent.length && frame.end() < u64::MAX {
             true => Ok(frame),
             false if self.extent.finished => Err(Stop::Cut { claimed: length }),
             false => Err(self.forget_if_waiting(Stop::Wait)),
@@ -140,7 +138,7 @@ impl Horizon {
 
     /// Goes on behind the next `length` bytes, buffered or not.
     pub(super) fn skip(&mut self, length: u64) {
-        self.offset += length;
+        self.offset = self.offset.saturating_add(length);
         self.start = match usize::try_from(length) {
             Ok(length) => self.end.min(self.start.saturating_add(length)),
             Err(_) => self.end,

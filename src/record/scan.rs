@@ -76,6 +76,9 @@ pub struct Scan {
     lengths: BTreeMap<u16, (u64, u64)>,
     /// Where a record begins whose length is not to be doubted.
     trusted: Option<u64>,
+    /// Bytes of what looked like records and were none. Where they are many more than the recording has, long ones are
+    /// not looked at any more: the same bytes may pass for the end of a record at every place in front of them.
+    doubted: u64,
     /// What the last search came to: from where, and what it found.
     found: Option<(u64, Option<u64>)>,
     /// What the summary says, once it was asked.

@@ -104,11 +104,18 @@ pub fn annotate(
         let output = if alone { None } else { Some(target.next(index)?) };
         let abandon = AtomicBool::new(false);
         let inventory = thread::scope(|scope| {
-            let copying = output.as_ref().map(|output| scope.spawn(|| output.copy_ahead(split, &abandon)));
+            let copying = output.as_ref().map(|output| {
+                let copy = || output.copy_ahead(split, &abandon);
+                // Without a thread, it is copied first.
+                thread::Builder::new().spawn_scoped(scope, copy).map_err(|_| copy())
+            });
             let inventory = lesson.read(index, split, Some(&mut kept), &here);
             abandon.store(inventory.is_err(), Ordering::Relaxed);
-            let copied =
-                copying.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            let copied = match copying {
+                Some(Ok(thread)) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+                Some(Err(copied)) => copied,
+                None => Ok(()),
+            };
             let inventory = inventory?;
             copied.map(|()| inventory)
         })?;
@@ -177,7 +184,8 @@ pub(super) fn fold(
         let mut output = target.next(index)?;
         let abandon = AtomicBool::new(false);
         thread::scope(|scope| {
-            let copying = scope.spawn(|| output.copy_ahead(split, &abandon));
+            let copy = || output.copy_ahead(split, &abandon);
+            let Ok(copying) = thread::Builder::new().spawn_scoped(scope, copy) else { return copy() };
             while !copying.is_finished() {
                 abandon.store(watch(0).is_err(), Ordering::Relaxed);
                 thread::sleep(Duration::from_millis(1));

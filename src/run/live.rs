@@ -90,10 +90,11 @@ impl Live {
         let viewers = runtime.handle().clone();
         let (queue, offered) = (Queue::default(), Mutex::default());
         let shared = Arc::new(Shared { server, context, viewers, offered, queue, last });
-        let publisher = std::thread::spawn({
+        let publish = {
             let shared = shared.clone();
             move || shared.publish()
-        });
+        };
+        let publisher = std::thread::Builder::new().spawn(publish).map_err(refused)?;
         Ok(Self { address, shared, publisher: Some(publisher), runtime: Some(runtime) })
     }
 

@@ -29,6 +29,7 @@ use crate::pipeline::events::{Ending, News, Tell};
 use crate::run::input::growing_file::Growing;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
+use crate::run::output::in_place::{self, Access};
 use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::Appending;
 use crate::run::tail::checkpoint::{Checkpoint, Owner};
@@ -105,7 +106,9 @@ pub fn tail(
     match done {
         Ok(done) => Ok(done),
         Err(error) if nothing => shell.tidy().and(Err(error)),
-        Err(error @ Error::Unfit { .. }) if shell.checkpoint.exists() => shell.tidy().and(Err(error)),
+        Err(error @ (Error::Unfit { .. } | Error::Overdue(_))) if shell.checkpoint.exists() => {
+            shell.tidy().and(Err(error))
+        }
         Err(Error::Stopped) => Err(Error::Paused),
         Err(error) => Err(error),
     }
@@ -125,6 +128,10 @@ struct Shell<'a> {
 
 impl Shell<'_> {
     fn run(&mut self, input: &Path, tell: Tell<'_>) -> Result<Tailed, Error> {
+        if input.is_file() {
+            // What a killed run left half changed is said, and so is what only looks like it.
+            drop(in_place::open(input, Access::Read)?);
+        }
         if !self.following.options.force {
             if self.output.exists() {
                 return self.already(input);
@@ -198,15 +205,17 @@ impl Shell<'_> {
         self.end(course, ending, tell)
     }
 
-    /// Does what a full disk may hinder, again and again for as long as an idle recorder would be waited for.
+    /// Does what passing trouble may hinder (a full disk, a server out of reach), again and again for as long as an idle
+    /// recorder would be waited for.
     fn patiently<T>(&mut self, tell: Tell<'_>, mut act: impl FnMut(&mut Self) -> Result<T, Error>) -> Result<T, Error> {
         let began = Instant::now();
         let mut told = false;
         loop {
             match act(self) {
-                Err(error) if error.is_full() && began.elapsed() < self.following.idle => {
+                Err(error) if error.is_passing() && began.elapsed() < self.following.idle => {
                     if !std::mem::replace(&mut told, true) {
-                        tell(News::Trouble(&format!("{error}; waiting for room")));
+                        let what = if error.is_full() { "waiting for room" } else { "trying again" };
+                        tell(News::Trouble(&format!("{error}; {what}")));
                     }
                     self.pause(RETRY)?;
                 }

@@ -3,8 +3,12 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod faults;
+mod hangs;
 mod itself;
 mod planted;
+mod printed;
+mod specials;
 
 use std::fs::File;
 use std::process::{Command, Stdio};

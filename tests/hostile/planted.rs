@@ -110,8 +110,7 @@ fn watch_writes_through_no_link_under_a_name_of_ours() {
             };
             of("demo.mcap") && of("broken.mcap")
         };
-        let settled =
-            |said: &str| settled(&said.replace("./demo.annotated", "demo").replace("demo.stillpoint", "demo"));
+        let settled = |said: &str| settled(&said.replace("demo.annotated", "demo").replace("demo.stillpoint", "demo"));
         crate::watch(folder, "", settled);
     });
 }

@@ -36,6 +36,11 @@ impl PairedTopic {
         Some(Self { topic: topic.to_owned(), side, key, family, source: None, gyro: None })
     }
 
+    /// What both halves of an IMU have in common.
+    pub(in crate::imu) fn common(&self) -> (String, String) {
+        (self.key.clone(), self.family.clone())
+    }
+
     /// Whether the two are halves of one IMU.
     pub(in crate::imu) fn fits(&self, other: &Self) -> bool {
         self.side != other.side && self.key == other.key && self.family == other.family

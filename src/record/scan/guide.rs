@@ -34,7 +34,9 @@ pub(super) struct Landmark {
 impl Guide {
     /// The landmark that `offset` lies in or in front of.
     pub(super) fn at_or_behind(&self, offset: u64) -> Option<Landmark> {
-        self.landmarks.get(self.landmarks.partition_point(|mark| mark.offset + mark.length <= offset)).copied()
+        self.landmarks
+            .get(self.landmarks.partition_point(|mark| mark.offset.saturating_add(mark.length) <= offset))
+            .copied()
     }
 
     /// The first landmark that begins behind `offset`.

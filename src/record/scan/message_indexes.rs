@@ -78,7 +78,8 @@ impl Scan {
                     self.inventory.count_unread(channel, count, times);
                 }
                 // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
-                if frame.offset == index.offset + index.length + index.message_indexes_length {
+                let behind = index.offset.saturating_add(index.length).saturating_add(index.message_indexes_length);
+                if frame.offset == behind {
                     index.message_indexes.insert(channel, frame.offset);
                     index.message_indexes_length += frame.end() - frame.offset;
                 }

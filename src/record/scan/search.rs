@@ -224,6 +224,11 @@ impl Scan {
         let loose = !self.has_chunks();
         match frame.opcode {
             op::MESSAGE => return Ok(loose && frame.length <= REACH && self.chain_at(frame.end())?),
+            op::SCHEMA | op::CHANNEL | op::METADATA
+                if frame.length > HEAD && self.doubted > 4 * frame.offset + 4 * REACH =>
+            {
+                return Ok(false);
+            }
             op::SCHEMA | op::CHANNEL if loose => {}
             op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END | op::FOOTER => {}
             _ => return Ok(false),
@@ -234,21 +239,27 @@ impl Scan {
         let most = if matches!(frame.opcode, op::CHUNK | op::ATTACHMENT) { HEAD } else { REACH };
         let body = self.horizon.body(frame, most)?;
         let mut fields = Fields(body);
-        Ok(match frame.opcode {
+        let looked_at = body.len() as u64;
+        let credible = match frame.opcode {
             op::CHUNK => ChunkHeader::parse(&mut fields).is_some_and(|header| {
                 knows(header.compression) && header.uncompressed_size <= LIMIT && header.start_time <= header.end_time
             }),
             op::ATTACHMENT => AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some(),
             op::MESSAGE_INDEX => frame.length % 16 == 6 && self.begins_at(frame.end())?,
-            op::METADATA => parse_metadata(body).is_some() && self.begins_at(frame.end())?,
-            op::SCHEMA => Schema::parse(body).is_some() && self.begins_at(frame.end())?,
-            op::CHANNEL => Channel::parse(body).is_some() && self.begins_at(frame.end())?,
+            // First what costs little.
+            op::METADATA => self.begins_at(frame.end())? && parse_metadata(body).is_some(),
+            op::SCHEMA => self.begins_at(frame.end())? && Schema::parse(body).is_some(),
+            op::CHANNEL => self.begins_at(frame.end())? && Channel::parse(body).is_some(),
             op::FOOTER => frame.end() + 8 == self.horizon.extent().length,
             _ => {
                 let behind = self.look(frame.end())?.and_then(|bytes| bytes.first().copied());
                 behind.is_none_or(may_follow_data) && self.chain_at(frame.end())?
             }
-        })
+        };
+        if !credible {
+            self.doubted += looked_at;
+        }
+        Ok(credible)
     }
 }
 

@@ -34,7 +34,7 @@ impl Scan {
     pub(super) fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
         self.inventory.damage += 1;
         let mut what = what.into();
-        if offset == MAGIC.len() as u64 && offset + length < self.horizon.extent().length {
+        if offset == MAGIC.len() as u64 && offset.saturating_add(length) < self.horizon.extent().length {
             what.push_str(
                 " (in the place of the header: who insists on one, as Foxglove does, opens no copy of this either)",
             );

@@ -1,7 +1,7 @@
 //! The file of a recording while its recorder writes it. It is only ever read, and looked at by polling, which every
 //! file system allows. What its bytes say is left to [`Scan`](crate::record::Scan).
 
-use std::fs::{File, Metadata};
+use std::fs::{File, Metadata, TryLockError};
 use std::io;
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
@@ -57,6 +57,10 @@ impl Growing {
             }
             opened => opened.map_err(Error::io("read", path))?,
         };
+        // Nobody changes it in place while it is followed. Where locks are unknown, nobody does anyway.
+        if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
+            return Err(Error::Busy(path.to_owned()));
+        }
         let metadata = file.metadata().map_err(Error::io("read", path))?;
         let (id, length, written) = (id(&metadata), metadata.len(), written(&metadata));
         Ok((length > 0).then(|| Self { path: path.to_owned(), file, id, length, written, known: (0, Vec::new()) }))
@@ -84,7 +88,7 @@ impl Growing {
         if length > self.length || self.written.is_none() || written != self.written {
             (self.length, self.written) = (length, written);
             // It may have been cut off and written anew since.
-            return Ok(if self.is_known() { Look::Grown } else { Look::Lost });
+            return Ok(if self.is_known()? { Look::Grown } else { Look::Lost });
         }
         Ok(match std::fs::metadata(&self.path) {
             Ok(named) if id(&named) != self.id => Look::Unnamed(Ending::Replaced),
@@ -107,7 +111,7 @@ impl Growing {
         let mut bytes = vec![0; KNOWN.min(offset as usize)];
         let start = offset - bytes.len() as u64;
         // In this order, so that what was written anew meanwhile is not taken for what was read.
-        let passed = self.read(&mut bytes, start)? && self.is_known();
+        let passed = self.read(&mut bytes, start)? && self.is_known()?;
         if passed {
             self.known = (offset, bytes);
         }
@@ -120,16 +124,16 @@ impl Growing {
     }
 
     /// Takes over what it was known by. Whether it is the same file.
-    pub(crate) fn recognise(&mut self, known: &(u64, Vec<u8>)) -> bool {
+    pub(crate) fn recognise(&mut self, known: &(u64, Vec<u8>)) -> Result<bool, Error> {
         self.known = known.clone();
         self.is_known()
     }
 
-    fn is_known(&self) -> bool {
+    fn is_known(&self) -> Result<bool, Error> {
         let (offset, bytes) = &self.known;
         let mut found = vec![0; bytes.len()];
         let start = offset.saturating_sub(bytes.len() as u64);
-        *offset <= self.length && self.read(&mut found, start).is_ok_and(|read| read && found == *bytes)
+        Ok(*offset <= self.length && self.read(&mut found, start)? && found == *bytes)
     }
 
     /// Whether its last bytes are those that end a recording.

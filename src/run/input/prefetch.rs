@@ -83,7 +83,7 @@ impl<'a> Ahead<'a> {
         is_useless: impl Fn(&[u16]) -> bool,
     ) -> Result<Supply, Error> {
         let may_pass = self.chunks.define_nothing_beyond(scanned, &mut Within(self.recording));
-        let may_pass = may_pass.map_err(|e| Error::input(self.recording.path(), e.to_string()))?;
+        let may_pass = may_pass.map_err(Error::reading(self.recording.path()))?;
         let is_useless = |channels: &[u16]| may_pass && is_useless(channels);
         // The scan may pass over chunks that were found, and find others behind what is damaged.
         while self.queue.front().is_some_and(|coming| coming.chunk.offset < offset) {
@@ -126,7 +126,7 @@ impl<'a> Ahead<'a> {
     }
 
     fn fill(&mut self, is_useless: &impl Fn(&[u16]) -> bool) -> Result<(), Error> {
-        let refused = |e: crate::record::Error| Error::input(self.recording.path(), e.to_string());
+        let refused = |e: crate::record::Error| Error::reading(self.recording.path())(e);
         let (mut batch, mut size) = (Vec::new(), 0);
         let (mut sender, mut receiver) = shared();
         while self.held < ROOM && self.queue.len() < CHUNKS {

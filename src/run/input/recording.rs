@@ -6,8 +6,8 @@ use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::mpsc::channel;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::SystemTime;
 
@@ -174,7 +174,7 @@ impl Recording {
     }
 
     fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
-        look(&mut Bytes(&self.file)).map_err(|e| Error::input(&self.path, e.to_string()))
+        look(&mut Bytes(&self.file)).map_err(Error::reading(&self.path))
     }
 
     /// Where it is.
@@ -242,8 +242,11 @@ impl Recording {
         let (work, jobs) = channel();
         let jobs = Mutex::new(jobs);
         thread::scope(|scope| {
-            for _ in 0..thread::available_parallelism().map_or(1, usize::from).min(THREADS) {
-                scope.spawn(|| open_chunks(&jobs, self));
+            let wanted = thread::available_parallelism().map_or(1, usize::from).min(THREADS);
+            let open = |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self)).is_ok();
+            if (0..wanted).filter(open).count() == 0 {
+                // Nobody listens: the scan opens its chunks itself.
+                *jobs.lock().unwrap_or_else(PoisonError::into_inner) = channel().1;
             }
             self.scan_with(Ahead::new(self, work), watch, listener)
         })
@@ -263,7 +266,7 @@ impl Recording {
         // Between chunks there is little to read, elsewhere much.
         let mut block = LEAST;
         loop {
-            match scan.next_event().map_err(|e| Error::input(&self.path, e.to_string()))? {
+            match scan.next_event().map_err(Error::reading(&self.path))? {
                 Event::Read { offset, length: wanted } => {
                     watch(offset)?;
                     let size = (length - offset).min(wanted.max(block) as u64) as usize;
@@ -343,6 +346,9 @@ pub(crate) struct Within<'a>(pub(crate) &'a Recording);
 
 impl ReadAt for Within<'_> {
     fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
-        self.0.read_exact_at(buffer, offset).map_err(io::Error::other)
+        self.0.read_exact_at(buffer, offset).map_err(|error| match error {
+            Error::Io { source, .. } => source,
+            error => io::Error::other(error),
+        })
     }
 }

@@ -134,7 +134,7 @@ fn look_through(
             glance.channels.values().for_each(|channel| look.take(Event::Channel(channel)));
             head(recording, watch, |event| {
                 look.take(event);
-                !look.sources.channels().any(|(_, verdict)| verdict == &ChannelRole::Untold)
+                !look.sources.intake.is_untold()
             })?;
             (glance.counts, glance.span)
         }

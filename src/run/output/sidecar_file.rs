@@ -73,6 +73,11 @@ impl Appending {
         self.cut(0)
     }
 
+    /// Lets others at it: nothing more is written.
+    pub(crate) fn unlock(&self) -> Result<(), Error> {
+        self.file.unlock().map_err(Error::io("unlock", &self.path))
+    }
+
     /// Removes the file, unless its name stands for another one by now.
     pub(crate) fn remove(&self) -> Result<(), Error> {
         match same_file(&self.file, &self.path) {

@@ -171,11 +171,13 @@ impl Checkpoint {
         let written = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
         let (path, beside) = (self.path.clone(), sidecar.path().to_owned());
         let indexes = indexes.file()?;
-        self.saving = Some(std::thread::spawn(move || {
+        let save = move || {
             written.sync_data().map_err(Error::io("write", &beside))?;
             indexes.map_or(Ok(()), |indexes| indexes.sync_data()).map_err(Error::io("write", &beside))?;
             replace(&path, &bytes)
-        }));
+        };
+        // Without a thread, the next save comes in time.
+        self.saving = std::thread::Builder::new().spawn(save).ok();
         before
     }
 

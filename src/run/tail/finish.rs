@@ -96,6 +96,8 @@ impl Shell<'_> {
         let (report, written) = self.patiently(tell, |shell| shell.leave_to_batch(input, &shell.output, options))?;
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
+            // It takes the place of the one that grew, whose lock would keep us out ourselves.
+            self.appending.unlock()?;
             self.patiently(tell, |shell| shell.leave_to_batch(input, shell.appending.path(), options))?;
             self.forget()?;
         } else {

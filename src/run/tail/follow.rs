@@ -62,7 +62,7 @@ impl Shell<'_> {
             loop {
                 course.tell_progress(self.appending.length(), tell);
                 self.pause(self.following.poll)?;
-                match course.growing.look()? {
+                match self.patiently(tell, |_| course.growing.look())? {
                     Look::Grown => {
                         last = Instant::now();
                         break;
@@ -142,7 +142,7 @@ impl Shell<'_> {
                     course.tell_progress(self.appending.length(), tell);
                     let there = course.growing.length().saturating_sub(offset);
                     let ahead = there.min(length.max(READ) as u64) as usize;
-                    if !course.growing.read(course.scan.insert(ahead), offset)? {
+                    if !self.patiently(tell, |_| course.growing.read(course.scan.insert(ahead), offset))? {
                         break Reached::Loss;
                     }
                     course.scan.notify_read(ahead);
@@ -169,7 +169,8 @@ impl Shell<'_> {
             }
         };
         self.write(course, tell)?;
-        if course.scan.offset() > before && !course.growing.passed(course.scan.offset())? {
+        let offset = course.scan.offset();
+        if offset > before && !self.patiently(tell, |_| course.growing.passed(offset))? {
             return Ok(Reached::Loss);
         }
         Ok(reached)
@@ -177,14 +178,15 @@ impl Shell<'_> {
 
     /// Writes the blocks that were closed. A full disk is waited for.
     fn write(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<(), Error> {
-        let blocks: Vec<_> = course.learner.take_blocks().collect();
-        if blocks.is_empty() {
+        if !course.learner.has_blocks() {
             return Ok(());
         }
         if course.sidecar.is_none() && !self.checkpoint.exists() {
             // A sidecar without a checkpoint is somebody else's.
             self.patiently(tell, |shell| shell.checkpoint.mark(&shell.owner))?;
         }
+        // Not before they can be kept: what has been taken and is not in the sidecar would be lost to the checkpoint.
+        let blocks: Vec<_> = course.learner.take_blocks().collect();
         self.append(course, &blocks)?;
         self.patiently(tell, |shell| shell.appending.flush())
     }

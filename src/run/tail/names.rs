@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use crate::Error;
 use crate::run::output::partial::rename_new;
 
+/// So many results of recordings that lost their name are kept.
+const KEPT: u32 = 100;
+
 /// Where the annotations stand while a recording is followed: beside the output.
 pub fn sidecar_of(output: &Path) -> PathBuf {
     let name = output.file_name().unwrap_or_default().to_string_lossy();
@@ -32,9 +35,13 @@ pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
     let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
     let stem = name.strip_suffix(ending).unwrap_or(&name);
-    let mut names = (1_u32..).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
+    let mut names = (1..=KEPT).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
     loop {
-        let aside = names.find(|path| path.symlink_metadata().is_err()).unwrap_or_default();
+        let Some(aside) = names.find(|path| path.symlink_metadata().is_err()) else {
+            let why =
+                format!("{KEPT} results of earlier recordings of this name are kept already: move them elsewhere");
+            return Err(Error::input(result, why));
+        };
         match rename_new(result, &aside) {
             // It has been taken just now.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}

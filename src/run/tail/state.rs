@@ -161,13 +161,13 @@ fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
         return Ok(None);
     }
     for split in &state.done {
-        let same = |mut file: Growing| file.length() == split.length && file.recognise(&split.known);
-        if !trail.again(&split.name)?.is_some_and(same) {
+        let Some(mut file) = trail.again(&split.name)? else { return Ok(None) };
+        if file.length() != split.length || !file.recognise(&split.known)? {
             return Ok(None);
         }
     }
-    let growing = trail.again(&state.name)?;
-    Ok(growing.and_then(|mut growing| growing.recognise(&state.known).then_some(growing)))
+    let Some(mut growing) = trail.again(&state.name)? else { return Ok(None) };
+    Ok(growing.recognise(&state.known)?.then_some(growing))
 }
 
 /// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.

@@ -35,7 +35,7 @@ pub fn serve(address: SocketAddr, metrics: Arc<Metrics>) -> Result<SocketAddr, E
     let listener = listener.map_err(refused)?;
     let bound = listener.local_addr().map_err(refused)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(refused)?;
-    std::thread::spawn(move || runtime.block_on(accept(listener, metrics)));
+    std::thread::Builder::new().spawn(move || runtime.block_on(accept(listener, metrics))).map_err(refused)?;
     Ok(bound)
 }
 

@@ -10,6 +10,7 @@ use crate::engine::Message;
 use crate::pipeline::events::News;
 use crate::printable;
 use crate::run::batch::Report;
+use crate::run::stop::Stop;
 
 /// Shared by all who count.
 #[derive(Debug, Default)]
@@ -29,6 +30,8 @@ struct Counts {
     followed: BTreeMap<PathBuf, Followed>,
     /// When the directory was looked through last.
     round: Option<Instant>,
+    /// Who is at work on which recording.
+    working: BTreeMap<PathBuf, Stop>,
 }
 
 /// A recording while it is followed: what of it has been counted, so that nothing is counted twice when it is read again.
@@ -65,6 +68,16 @@ impl Metrics {
         }
     }
 
+    /// Work on a recording begins, of which `stop` is asked as it goes on.
+    pub fn begin(&self, recording: &Path, stop: Stop) {
+        self.lock().working.insert(recording.to_owned(), stop);
+    }
+
+    /// Work on a recording has ended, however it did.
+    pub fn end(&self, recording: &Path) {
+        self.lock().working.remove(recording);
+    }
+
     /// Counts a recording that is done.
     pub fn done(&self, recording: &Path, report: &Report, length: u64) {
         let counts = &mut *self.lock();
@@ -89,9 +102,11 @@ impl Metrics {
         counts.round = Some(Instant::now());
     }
 
-    /// Whether the directory has been looked through lately.
+    /// Whether the directory has been looked through lately, and work on every recording goes on.
     pub fn is_alive(&self, within: Duration) -> bool {
-        self.lock().round.is_some_and(|round| round.elapsed() < within)
+        let counts = self.lock();
+        let goes_on = counts.working.values().all(|work| work.silence() < within);
+        goes_on && counts.round.is_some_and(|round| round.elapsed() < within)
     }
 
     /// Whether the directory has been looked through at all.

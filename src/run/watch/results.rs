@@ -2,6 +2,7 @@
 //! is nothing else that a restart would need.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,9 @@ use crate::run::input::{regular, rosbag2};
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
 use crate::run::tail::{checkpoint, checkpoint_of, set_aside, sidecar_of};
+
+/// Every recording may take so long, and a second more for each MiB.
+const LEAST_TIME: Duration = Duration::from_secs(600);
 
 /// No note is longer (1 MiB).
 const LONGEST: u64 = 1 << 20;
@@ -47,6 +51,52 @@ impl Quarantine {
     }
 }
 
+/// A note beside a recording's result for as long as somebody works on it: one that is found says that a run died.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Attempt {
+    stamp: Option<Stamp>,
+    deaths: u32,
+    #[serde(skip)]
+    path: PathBuf,
+}
+
+impl Attempt {
+    /// Notes that work on a recording begins. Where nothing can be written, nothing is known after a death either.
+    pub(super) fn begin(path: PathBuf, recording: &Path) -> Self {
+        let stamp = Stamp::of(recording);
+        let deaths = stamp.as_ref().map_or(0, |stamp| Self::deaths(&path, stamp));
+        let attempt = Self { stamp, deaths: deaths + 1, path };
+        let is_free = attempt.path.symlink_metadata().is_err() || Self::read(&attempt.path).is_some();
+        if is_free && let Ok(partial) = Partial::create(&attempt.path, &Reads::of([recording])) {
+            let written = serde_json::to_writer(partial.file(), &attempt).is_ok();
+            _ = written.then(|| partial.finish(false));
+        }
+        attempt
+    }
+
+    /// Work on it has ended.
+    pub(super) fn end(self) {
+        Self::forget(&self.path);
+    }
+
+    /// Removes the note.
+    pub(super) fn forget(path: &Path) {
+        if Self::read(path).is_some() {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+
+    /// How many runs died over a recording that has not changed since.
+    pub(super) fn deaths(path: &Path, stamp: &Stamp) -> u32 {
+        Self::read(path).filter(|attempt| attempt.stamp.as_ref() == Some(stamp)).map_or(0, |attempt| attempt.deaths)
+    }
+
+    fn read(path: &Path) -> Option<Self> {
+        let bytes = regular::open_own(path).and_then(|file| regular::read(file, LONGEST)).ok()?;
+        serde_json::from_slice(&bytes).ok()
+    }
+}
+
 impl Watching {
     /// Where the result of a recording goes.
     pub(super) fn output(&self, recording: &Path) -> PathBuf {
@@ -56,6 +106,19 @@ impl Watching {
 
     pub(super) fn quarantine(&self, recording: &Path) -> PathBuf {
         self.place(recording, "quarantine.json")
+    }
+
+    /// Where it is noted that somebody works on a recording: hidden, beside its result.
+    pub(super) fn attempt(&self, recording: &Path) -> PathBuf {
+        let place = self.place(recording, "stillpoint-attempt");
+        let name = place.file_name().unwrap_or_default().to_string_lossy();
+        place.with_file_name(format!(".{name}"))
+    }
+
+    /// How long work on a finished recording may take.
+    pub(super) fn time_limit(&self, recording: &Path) -> Duration {
+        let length = Stamp::of(recording).map_or(0, |stamp| stamp.length);
+        self.time_limit.unwrap_or(LEAST_TIME + Duration::from_secs(length >> 20))
     }
 
     fn place(&self, recording: &Path, ending: &str) -> PathBuf {

@@ -2,12 +2,13 @@
 //! reason. Finding recordings is left to [`discovery`](super::discovery), where results go and what they say to [`results`](super::results).
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::discovery::{Stamp, recordings};
-use super::results::{self, Quarantine, make_way};
+use super::results::{self, Attempt, Quarantine, make_way};
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::events::{Ending, News};
@@ -22,6 +23,9 @@ const FIRST_RETRY: Duration = Duration::from_secs(1);
 const LAST_RETRY: Duration = Duration::from_secs(60);
 /// After so many attempts, what the system refuses is taken to be for good. A full disk never is, nor another stillpoint.
 const ATTEMPTS: u32 = 6;
+
+/// After so many runs died over a recording, it is left alone. Fewer may have been killed for other reasons.
+const DEATHS: u32 = 4;
 
 /// How to watch.
 #[derive(Clone, Debug)]
@@ -38,6 +42,8 @@ pub struct Watching {
     pub finished: usize,
     /// How to follow each.
     pub following: Following,
+    /// How long work on a finished one may take; by its length if `None`.
+    pub time_limit: Option<Duration>,
 }
 
 /// What became of a recording.
@@ -59,6 +65,10 @@ struct Entry {
     stamp: Stamp,
     state: State,
     attempts: u32,
+    /// Runs that died while they worked on it.
+    deaths: u32,
+    /// Nothing more is to be expected of it, as it stands.
+    finished: bool,
 }
 
 #[derive(Debug, PartialEq)]
@@ -95,18 +105,36 @@ pub fn watch(
     let mut watcher = Watcher { watching, configuration, entries: BTreeMap::new(), metrics, tell };
     let (sender, receiver) = channel();
     std::thread::scope(|scope| {
+        let mut next_look = Instant::now();
         while stop.check().is_ok() {
-            watcher.look(fingerprint());
+            // Not after each recording that is done: there may be thousands.
+            if Instant::now() >= next_look {
+                watcher.look(fingerprint());
+                next_look = Instant::now() + watching.interval;
+            }
             while let Some((path, finished)) = watcher.next() {
                 let sender: Sender<Finished> = sender.clone();
-                scope.spawn(move || {
-                    let result = one(watching, &path, finished, &config(), stop, metrics, show);
-                    // Nobody listens any more once the watch ends.
-                    let _ = sender.send(Finished { path, result });
-                });
+                let stop = stop.of_work(finished.then(|| watching.time_limit(&path)));
+                let work = {
+                    let (path, stop) = (path.clone(), stop.clone());
+                    move || {
+                        let work = || one(watching, &path, finished, &config(), &stop, metrics, show);
+                        let result = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+                            let why = panic.downcast_ref::<String>().map_or("unknown", String::as_str);
+                            Err(Error::input(&path, format!("Stillpoint itself failed on it: {why}")))
+                        });
+                        // Nobody listens any more once the watch ends.
+                        let _ = sender.send(Finished { path, result });
+                    }
+                };
+                metrics.begin(&path, stop);
+                if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, work) {
+                    let result = Err(Error::io("work on", &path)(error));
+                    watcher.finish(Finished { path, result });
+                }
             }
             watcher.count();
-            watcher.wait(&receiver, stop);
+            watcher.wait(&receiver, stop, next_look);
         }
     });
     while let Ok(finished) = receiver.try_recv() {
@@ -129,7 +157,25 @@ fn one(
     if let Some(folder) = output.parent() {
         std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
     }
-    make_way(path, &output, &|_| stop.check())?;
+    let attempt = Attempt::begin(watching.attempt(path), path);
+    let tailed = follow(watching, path, &output, finished, config, stop, metrics, show);
+    // However it ended, it did not take the process with it.
+    attempt.end();
+    tailed
+}
+
+#[expect(clippy::too_many_arguments, reason = "as its only caller")]
+fn follow(
+    watching: &Watching,
+    path: &Path,
+    output: &Path,
+    finished: bool,
+    config: &Config,
+    stop: &Stop,
+    metrics: &Metrics,
+    show: Show<'_>,
+) -> Result<Tailed, Error> {
+    make_way(path, output, &|_| stop.check())?;
     let idle = if finished { Duration::ZERO } else { watching.following.idle };
     let following = Following { idle, ..watching.following.clone() };
     // What is finished is worked through in no time: nobody could watch it.
@@ -138,7 +184,7 @@ fn one(
         metrics.note(path, &news);
         show.iter_mut().for_each(|show| show(&news));
     };
-    let tailed = tail(path, &output, config, &following, stop, &mut tell)?;
+    let tailed = tail(path, output, config, &following, stop, &mut tell)?;
     metrics.done(path, &tailed.report, tailed.length);
     match tailed.ending {
         // The name is free for the next recording.
@@ -172,7 +218,15 @@ impl Watcher<'_> {
                 Some(entry) if entry.stamp == stamp || matches!(entry.state, State::Running(_) | State::Again(_)) => {}
                 _ => {
                     let state = self.watching.state(&path, &stamp, self.configuration);
-                    self.entries.insert(path, Entry { stamp, state, attempts: 0 });
+                    let deaths = match state {
+                        State::Waiting => Attempt::deaths(&self.watching.attempt(&path), &stamp),
+                        _ => 0,
+                    };
+                    self.entries.insert(path.clone(), Entry { stamp, state, attempts: 0, deaths, finished: false });
+                    if deaths >= DEATHS {
+                        let why = format!("{deaths} runs died while they worked on it: killed, or out of memory");
+                        self.leave_alone(&path, &Error::input(&path, why));
+                    }
                 }
             }
         }
@@ -182,8 +236,13 @@ impl Watcher<'_> {
     fn next(&mut self) -> Option<(PathBuf, bool)> {
         let running =
             |as_finished| self.entries.values().filter(|entry| entry.state == State::Running(as_finished)).count();
+        let running_finished = running(true);
         let room = [(false, running(false) < self.watching.growing), (true, running(true) < self.watching.finished)];
+        if room.iter().all(|(_, free)| !free) {
+            return None;
+        }
         let now = Instant::now();
+        let in_doubt = self.entries.values().any(|entry| entry.deaths > 0 && entry.state == State::Running(true));
         for (path, entry) in &mut self.entries {
             let due = match entry.state {
                 State::Waiting => entry.stamp.length > 0,
@@ -193,7 +252,16 @@ impl Watcher<'_> {
             if !due {
                 continue;
             }
-            let finished = self.watching.is_finished(path, &entry.stamp);
+            // Where there is no room for finished ones, those that are known to be are passed over unread.
+            if entry.finished && !room.contains(&(true, true)) {
+                continue;
+            }
+            entry.finished = entry.finished || self.watching.is_finished(path, &entry.stamp);
+            let finished = entry.finished;
+            // What a run died over is worked on alone, so that it is known what the next one dies over.
+            if in_doubt || entry.deaths > 0 && running_finished > 0 {
+                continue;
+            }
             if room.contains(&(finished, true)) {
                 entry.state = State::Running(finished);
                 return Some((path.clone(), finished));
@@ -203,8 +271,7 @@ impl Watcher<'_> {
     }
 
     /// Takes in results until it is time to look again.
-    fn wait(&mut self, receiver: &Receiver<Finished>, stop: &Stop) {
-        let until = Instant::now() + self.watching.interval;
+    fn wait(&mut self, receiver: &Receiver<Finished>, stop: &Stop, until: Instant) {
         while stop.check().is_ok() && Instant::now() < until {
             match receiver.recv_timeout(Duration::from_millis(50).min(self.watching.interval)) {
                 Ok(finished) => {
@@ -217,6 +284,7 @@ impl Watcher<'_> {
     }
 
     fn finish(&mut self, Finished { path, result }: Finished) {
+        self.metrics.end(&path);
         let Some(entry) = self.entries.get_mut(&path) else { return };
         let now = Stamp::of(&path).unwrap_or_else(|| entry.stamp.clone());
         match result {
@@ -233,26 +301,20 @@ impl Watcher<'_> {
                         self.watching.state(&path, &now, self.configuration)
                     }
                 };
-                entry.attempts = 0;
+                (entry.attempts, entry.deaths, entry.finished) = (0, 0, false);
                 entry.stamp = now;
             }
             Err(Error::Stopped | Error::Paused) => entry.state = State::Waiting,
             Err(error) => {
                 self.metrics.error();
                 entry.attempts += 1;
-                let for_good = matches!(error, Error::Input { .. } | Error::Unfit { .. } | Error::Exists(_));
+                let for_good = matches!(
+                    error,
+                    Error::Input { .. } | Error::Unfit { .. } | Error::Exists(_) | Error::Itself(_) | Error::Overdue(_)
+                );
                 let passes = error.is_full() || matches!(error, Error::Busy(_));
                 if for_good || entry.attempts >= ATTEMPTS && !passes {
-                    let reason = error.to_string();
-                    (self.tell)(&path, Verdict::Quarantined(&reason));
-                    self.metrics.forget(&path);
-                    entry.state = State::Quarantined;
-                    entry.stamp = now.clone();
-                    let quarantine = Quarantine::new(&path, now, reason, self.configuration);
-                    if self.watching.write(&quarantine).is_err() {
-                        // It will be found out again after a restart.
-                        self.metrics.error();
-                    }
+                    self.leave_alone(&path, &error);
                     return;
                 }
                 let wait = FIRST_RETRY.saturating_mul(1 << entry.attempts.min(16).saturating_sub(1)).min(LAST_RETRY);
@@ -260,6 +322,27 @@ impl Watcher<'_> {
                 entry.state = State::Again(Instant::now() + wait);
             }
         }
+    }
+
+    /// Puts a recording aside, with the reason.
+    fn leave_alone(&mut self, path: &Path, error: &Error) {
+        let Some(entry) = self.entries.get_mut(path) else { return };
+        let reason = match error {
+            Error::Overdue(_) => format!("{}: {error}", path.display()),
+            error => error.to_string(),
+        };
+        (self.tell)(path, Verdict::Quarantined(&reason));
+        self.metrics.forget(path);
+        entry.state = State::Quarantined;
+        if let Some(now) = Stamp::of(path) {
+            entry.stamp = now;
+        }
+        let quarantine = Quarantine::new(path, entry.stamp.clone(), reason, self.configuration);
+        if self.watching.write(&quarantine).is_err() {
+            // It will be found out again after a restart.
+            self.metrics.error();
+        }
+        Attempt::forget(&self.watching.attempt(path));
     }
 
     fn count(&self) {

@@ -1,7 +1,7 @@
 //! What the first messages of the channels show, in words, and what that changes in the configuration that is offered.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Look, Stamped, Use, head};
 use crate::config::Config;
@@ -9,6 +9,9 @@ use crate::imu::{AccelUnit, FirstReadings, ImuConfig, Reading, Relation, Sensor,
 use crate::record::Event;
 use crate::run::input::recording::{Recording, Watch};
 use crate::{Error, Stamp};
+
+/// So many accelerometers are held against each other, to tell one sensor on two topics.
+const COMPARED: usize = 64;
 
 /// Looks at the first messages, those of suggested topics as if they were mapped, and remarks on what they show.
 pub(super) fn peek(
@@ -22,6 +25,8 @@ pub(super) fn peek(
     let mut look = Look::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
     let mut stamped = BTreeMap::new();
+    // Of the readings that are looked at, those that have not shown enough.
+    let mut open = BTreeSet::new();
     head(recording, watch, |event| {
         let Event::Message(message) = event else {
             look.take(event);
@@ -31,7 +36,14 @@ pub(super) fn peek(
         look.sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
                 measured = Some(sample.stamp);
-                peeks.entry((imu.index(), sensor.index())).or_insert((sensor, FirstReadings::default())).1.push(sample);
+                let place = (imu.index(), sensor.index());
+                let peek = &mut peeks.entry(place).or_insert((sensor, FirstReadings::default())).1;
+                peek.push(sample);
+                if peek.wants_more() {
+                    open.insert(place)
+                } else {
+                    open.remove(&place)
+                };
             }
         });
         if let (Some(measured), Entry::Vacant(new)) = (measured, stamped.entry(message.channel)) {
@@ -41,7 +53,7 @@ pub(super) fn peek(
             new.insert(Stamped { samples: is_near(measured), messages });
         }
         // A topic that begins later is not waited for.
-        !peeks.is_empty() && peeks.values().all(|(_, peek)| !peek.wants_more())
+        !peeks.is_empty() && open.is_empty()
     })?;
     for used in channels.iter_mut() {
         used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
@@ -52,8 +64,17 @@ pub(super) fn peek(
         Some(Peeked { topic, imu, sensor, peek })
     });
     let peeks: Vec<_> = named.collect();
-    peeks.iter().for_each(|peeked| remark_on_unit(peeked, config, channels));
-    let accelerometers = peeks.iter().filter(|peeked| peeked.sensor == Sensor::Accelerometer);
+    let mut places = BTreeMap::new();
+    for (place, used) in channels.iter().enumerate() {
+        places.entry(used.channel.topic.clone()).or_insert(place);
+    }
+    for peeked in &peeks {
+        if let Some(used) = places.get(&peeked.topic).and_then(|&place| channels.get_mut(place)) {
+            remark_on_unit(peeked, config, used);
+        }
+    }
+    // Each is held against each.
+    let accelerometers = peeks.iter().filter(|peeked| peeked.sensor == Sensor::Accelerometer).take(COMPARED);
     for (i, one) in accelerometers.clone().enumerate() {
         for other in accelerometers.clone().skip(i + 1).filter(|other| other.imu != one.imu) {
             if let Some(relation) = one.peek.relation(&other.peek) {
@@ -73,9 +94,8 @@ struct Peeked {
 }
 
 /// Says in which unit a triad seems to be, and puts it into the configuration that is offered.
-fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, channels: &mut [Use]) {
+fn remark_on_unit(Peeked { sensor, peek, .. }: &Peeked, config: &Config, used: &mut Use) {
     let Some(rest) = peek.at_rest() else { return };
-    let Some(used) = channels.iter_mut().find(|used| used.channel.topic == *topic) else { return };
     let name = if *sensor == Sensor::Gyroscope { "gyroscope" } else { "accelerometer" };
     let offered = used.configuration.is_some();
     let says = |text: String| format!("{name}: {text}");
