@@ -9,6 +9,7 @@ use crc32fast::Hasher;
 use super::emitter::{Emitter, Manner, Taken, combine};
 use super::records::{AttachmentIndex, Header, MetadataIndex, write_metadata};
 use super::reindex::{self, Reindexed, Reindexing};
+use super::summary::Summary;
 use super::wire::{FRAME, Put, op};
 use super::{Block, Error, Inventory, Topic};
 
@@ -18,6 +19,11 @@ pub(super) const METADATA: &str = "stillpoint";
 pub(super) const PREFIX: &str = "prefix";
 /// Its key for the length of the message indexes behind the prefix that a recording which was cut off lacked.
 pub(super) const COMPLETED: &str = "completed";
+/// Its key for the length of what stands behind the metadata once more, since it is whole behind the prefix of a damaged
+/// recording, with what else defines its channels.
+pub(super) const RECOVERED: &str = "recovered";
+/// Its key for where the last whole record of such a recording ends.
+pub(super) const WHOLE: &str = "whole";
 /// Name of the attachment that keeps what stands behind the prefix in the original.
 pub(super) const TAIL: &str = "stillpoint.tail";
 /// Name of the attachment that holds the message indexes of chunks behind which they are damaged.
@@ -74,19 +80,20 @@ impl Fold {
         topics: &[Topic],
     ) -> Result<(Self, Vec<Piece>), Error> {
         inventory.complete();
-        let mut pieces = vec![Piece::Original(0..inventory.prefix)];
+        let mut pieces = vec![Piece::Original(0..inventory.prefix())];
         let taken = Taken {
             schemas: inventory.schemas().keys().copied().collect(),
             channels: inventory.channels().keys().chain(&inventory.mentioned).copied().collect(),
         };
-        let (prefix, headless) = (inventory.prefix, inventory.is_bare());
-        let only = inventory.summary_only.clone();
+        let (prefix, headless) = (inventory.prefix(), inventory.is_bare());
+        let (profile, only) = (inventory.profile().to_owned(), inventory.summary_only.clone());
         let manner = match (inventory.loose, inventory.has_no_message_indexes()) {
             (true, _) => Manner::Loose,
             (false, true) => Manner::Chunks,
             (false, false) => Manner::Indexed,
         };
-        let crc = inventory.prefix_crc();
+        let (crc, whole, recovered) = (inventory.prefix_crc(), inventory.prefix, inventory.take_recovered());
+        let named = inventory.summary.split_off(prefix);
         let mut reindexing = std::mem::take(&mut inventory.summary.reindexing);
         let mut emitter = Emitter::new(prefix, crc, inventory.summary, manner, taken);
         emitter.assign(topics)?;
@@ -94,12 +101,24 @@ impl Fold {
         if headless {
             // Cut off behind its magic: without a header the result would not be MCAP.
             let mut header = Vec::new();
-            Header { profile: String::new(), library: library() }.write(&mut header);
+            Header { profile, library: library() }.write(&mut header);
             emitter.pass(&header);
             pieces.push(Piece::Bytes(header));
         }
+        let mut definitions = Vec::new();
+        for id in only.schemas {
+            emitter.summary.schemas.get(&id).into_iter().for_each(|schema| schema.write(&mut definitions));
+        }
+        for id in only.channels {
+            emitter.summary.channels.get(&id).into_iter().for_each(|channel| channel.write(&mut definitions));
+        }
         let mut settings = settings.clone();
         settings.insert(PREFIX.to_owned(), prefix.to_string());
+        if !recovered.is_empty() {
+            let length: u64 = recovered.iter().map(|range| range.end - range.start).sum();
+            settings.insert(RECOVERED.to_owned(), (definitions.len() as u64 + length).to_string());
+            settings.insert(WHOLE.to_owned(), whole.to_string());
+        }
         if let Some(last) = reindexing.last.take_if(|last| manner == Manner::Indexed && last.end() == prefix) {
             let mut out = Vec::new();
             let chunk = last.complete(&mut out);
@@ -113,15 +132,11 @@ impl Fold {
 
         let mut out = Vec::new();
         write_settings(&mut emitter, &settings, &mut out);
-        let start = out.len();
-        for id in only.schemas {
-            emitter.summary.schemas.get(&id).into_iter().for_each(|schema| schema.write(&mut out));
-        }
-        for id in only.channels {
-            emitter.summary.channels.get(&id).into_iter().for_each(|channel| channel.write(&mut out));
-        }
-        emitter.pass(out.get(start..).unwrap_or_default());
+        emitter.pass(&definitions);
+        out.extend(definitions);
         pieces.push(Piece::Bytes(out));
+        recover(&mut emitter, &recovered, named);
+        pieces.extend(recovered.into_iter().map(Piece::Original));
         Ok((Self { emitter, reindexing, indexes: None }, pieces))
     }
 
@@ -189,6 +204,22 @@ fn keep_tail(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
     emitter.pass(&crc);
     let kept = Piece::Original(prefix..prefix + tail.length);
     [Piece::Bytes(front), kept, Piece::Bytes(crc.to_vec())]
+}
+
+/// What is whole behind the prefix follows once more, with the attachments and metadata in it. Of a damaged recording,
+/// there is no CRC to continue.
+fn recover(emitter: &mut Emitter, recovered: &[Range<u64>], mut named: Summary) {
+    let mut places = BTreeMap::new();
+    for range in recovered {
+        places.insert(range.start, emitter.position());
+        emitter.pass_unseen(range.end - range.start, 0);
+    }
+    named.relocate(|offset| match places.range(..=offset).next_back() {
+        Some((start, place)) => offset - start + place,
+        None => offset,
+    });
+    emitter.summary.attachments.append(&mut named.attachments);
+    emitter.summary.metadata.append(&mut named.metadata);
 }
 
 /// An attachment of which the head has been written.

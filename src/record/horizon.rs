@@ -156,6 +156,12 @@ impl Horizon {
         }
     }
 
+    /// Goes to another place, of which nothing is buffered.
+    pub(super) fn jump(&mut self, offset: u64) {
+        self.forget();
+        self.offset = offset;
+    }
+
     /// What is here does not make sense yet. It is forgotten, since it may be written again.
     pub(super) fn wait(&mut self) -> Stop {
         self.forget();

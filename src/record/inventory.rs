@@ -3,9 +3,11 @@
 
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use super::fold::{INDEXES, METADATA, TAIL};
 use super::records::Header;
 use super::summary::Summary;
 use super::survey::Survey;
@@ -29,6 +31,8 @@ pub struct Inventory {
     /// define them are lost.
     pub(super) mentioned: BTreeSet<u16>,
     pub(super) summary_only: SummaryOnly,
+    /// What is not used: in order, none touching another.
+    pub(super) lost: Vec<Range<u64>>,
 }
 
 /// Ids that only the summary section defines.
@@ -77,9 +81,40 @@ impl Inventory {
         self.summary.span
     }
 
-    /// Length in bytes of what an annotated recording copies: through the last whole record before DataEnd.
+    /// Length in bytes of what an annotated recording begins with: through the last whole record before DataEnd. Where
+    /// readers go from record to record, for want of an index, it ends where they would lose their way.
     pub fn prefix(&self) -> u64 {
-        self.prefix
+        self.lost.first().map(|lost| lost.start).filter(|&lost| self.loose && lost < self.prefix).unwrap_or(self.prefix)
+    }
+
+    /// What is whole behind the prefix, where that ends early; what is named like ours would be taken for ours.
+    pub(super) fn take_recovered(&mut self) -> Vec<Range<u64>> {
+        let (mut from, until) = (self.prefix(), self.prefix);
+        let (attachments, metadata) = (&mut self.summary.attachments, &mut self.summary.metadata);
+        let attached =
+            attachments.extract_if(.., |entry| entry.offset >= from && matches!(&*entry.name, TAIL | INDEXES));
+        let mut lost: Vec<_> = attached.map(|entry| entry.offset..entry.offset + entry.length).collect();
+        let noted = metadata.extract_if(.., |entry| entry.offset >= from && entry.name == METADATA);
+        lost.extend(noted.map(|entry| entry.offset..entry.offset + entry.length));
+        lost.extend(std::mem::take(&mut self.lost));
+        lost.push(until..until);
+        lost.sort_unstable_by_key(|lost| lost.start);
+        let mut recovered = Vec::new();
+        for lost in lost.into_iter().take_while(|lost| lost.start <= until) {
+            if from < lost.start {
+                recovered.push(from..lost.start);
+            }
+            from = lost.end.max(from);
+        }
+        recovered
+    }
+
+    /// Notes that these bytes are not used.
+    pub(super) fn lose(&mut self, range: Range<u64>) {
+        match self.lost.last_mut() {
+            Some(last) if range.start <= last.end => last.end = last.end.max(range.end),
+            _ => self.lost.push(range),
+        }
     }
 
     /// Number of damages found.
@@ -99,7 +134,7 @@ impl Inventory {
 
     /// Whether the recording was cut off behind its magic.
     pub(super) fn is_bare(&self) -> bool {
-        self.header.is_none() && self.prefix == mcap::MAGIC.len() as u64
+        self.prefix() == mcap::MAGIC.len() as u64
     }
 
     /// Whether the recorder wrote chunks, but indexed no message in them.

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use mcap::MAGIC;
 
-use super::fold::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, TAIL};
+use super::fold::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
 use super::walk::{ReadAt, Walk, read, summary_section};
 use super::wire::{DATA_END, FRAME, Fields, op};
@@ -120,7 +120,7 @@ impl Traces {
         let mut traces = Self {
             attachments: inventory.summary.attachments.clone(),
             metadata: inventory.summary.metadata.clone(),
-            data_end: inventory.prefix(),
+            data_end: inventory.prefix,
             ..Self::default()
         };
         inventory.channels().values().for_each(|channel| traces.note_channel(channel));
@@ -173,6 +173,7 @@ impl Traces {
         };
         let mut length = |key| settings.remove(key).and_then(|length| length.parse::<u64>().ok());
         let (prefix, completed) = (length(PREFIX), length(COMPLETED).unwrap_or_default());
+        let (recovered, _) = (length(RECOVERED).unwrap_or_default(), length(WHOLE));
         // In front of the tail stands the prefix with what completes its last chunk, or a header of ours where the
         // original was cut off behind its magic.
         let stands = |prefix: u64| prefix.checked_add(completed) == Some(kept.offset) || prefix == MAGIC.len() as u64;
@@ -186,8 +187,8 @@ impl Traces {
         if metadata.offset != tail_end || tail_start < kept.offset {
             return edited("the kept tail is not where it was");
         }
-        let annotations = tail_end + metadata.length..self.data_end;
-        if self.last_foreign_chunk > tail_end || !self.are_ours(file, annotations)? {
+        let annotations = (tail_end + metadata.length).saturating_add(recovered)..self.data_end;
+        if self.last_foreign_chunk > annotations.start || !self.are_ours(file, annotations)? {
             return edited("something was added behind the annotations");
         }
         let original = Original { prefix, tail: tail_start..tail_end - 4 };

@@ -8,6 +8,7 @@ mod data_section;
 mod event;
 mod guide;
 mod message_indexes;
+mod original;
 mod position;
 mod search;
 mod summary_section;
@@ -25,6 +26,7 @@ use self::data_section::Telling;
 pub use self::event::{Damage, Event};
 use self::guide::{Asking, Guide};
 use self::message_indexes::{OpenChunk, Reindexing};
+use self::original::{Ours, Recognising};
 pub use self::position::Position;
 use self::search::Search;
 use self::summary_section::SummarySection;
@@ -85,6 +87,9 @@ pub struct Scan {
     guide: Option<Guide>,
     /// What the summary section says, until its CRC is known.
     summary: SummarySection,
+    /// What we wrote ourselves, if the recording is an annotated one, and whether its end has been looked at for that.
+    ours: Option<Ours>,
+    recognised: bool,
     /// Whether chunks are offered, what became of the last offer, and a chunk that is not needed any more.
     offering: bool,
     supply: Option<Supply>,
@@ -121,6 +126,7 @@ enum Step {
 enum Stage {
     #[default]
     Magic,
+    Recognising(Box<Recognising>),
     Record,
     /// A chunk is offered.
     Offering(Frame),
@@ -149,11 +155,14 @@ impl Scan {
 
     /// The recording is this long now. No byte beyond is asked for, and no record that reaches beyond is whole.
     pub fn extend(&mut self, length: u64) {
-        self.horizon.set_extent(Extent { length, ..self.horizon.extent() });
+        if !self.is_still(length) {
+            self.horizon.set_extent(Extent { length, ..self.horizon.extent() });
+        }
     }
 
     /// The recording will not grow any more.
     pub fn finish(&mut self) {
+        self.finish_ours();
         self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
     }
 
@@ -182,7 +191,8 @@ impl Scan {
 
     /// So many bytes have been written to what [`Scan::insert`] gave. None is no news: it does not mean the end.
     pub fn notify_read(&mut self, length: usize) {
-        self.horizon.notify_read(length);
+        let room = self.room(self.horizon.offset() + self.horizon.buffered().len() as u64);
+        self.horizon.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
     }
 
     /// Hands over the chunk indexes found since the last time, so that they do not pile up; a [fold](super::Fold) wants
@@ -218,7 +228,10 @@ impl Scan {
     /// If the recording is empty or does not begin like an MCAP file.
     pub fn next_event(&mut self) -> Result<Event<'_>, Error> {
         Ok(match self.step()? {
-            Step::Stop(Stop::Read { offset, length }) => Event::Read { offset, length },
+            Step::Stop(Stop::Read { offset, length }) => {
+                let length = usize::try_from(self.room(offset)).map_or(length, |room| room.min(length));
+                Event::Read { offset: self.place(offset), length }
+            }
             Step::Stop(_) => Event::Wait,
             Step::Chunk(frame) => Event::Chunk { offset: frame.offset, length: frame.length },
             Step::Header => Event::Header { profile: self.inventory.profile(), library: self.inventory.library() },
@@ -238,6 +251,7 @@ impl Scan {
             }
             let done = match &mut self.stage {
                 Stage::Magic => self.magic()?,
+                Stage::Recognising(_) => self.recognise(),
                 Stage::Record => self.record(),
                 Stage::Offering(frame) => return Ok(Step::Chunk(*frame)),
                 Stage::Telling(telling) => {
@@ -289,7 +303,7 @@ impl Scan {
                 self.data_crc.begin();
                 self.consume(MAGIC.len() as u64);
                 self.inventory.prefix = MAGIC.len() as u64;
-                self.stage = Stage::Record;
+                self.look_at_end();
                 Ok(Ok(()))
             }
             Ok(found) => Err(Error::NotMcap { found: found.to_vec() }),
@@ -300,10 +314,20 @@ impl Scan {
     }
 
     fn record(&mut self) -> Result<(), Stop> {
+        if self.horizon.extent().finished && !self.recognised {
+            self.look_at_end();
+            return Ok(());
+        }
+        if self.leaves_original() {
+            return Ok(());
+        }
         let frame = match self.horizon.frame() {
             Err(Stop::Cut { claimed }) if !self.summary.begun => return self.cut(claimed),
             frame => frame?,
         };
+        if self.pass_told(frame) {
+            return Ok(());
+        }
         let bounds = self.bounds(frame)?;
         let is_in_disguise = self.is_index_in_disguise(frame)?;
         if let Some(chunk) = &mut self.chunk {
@@ -327,6 +351,7 @@ impl Scan {
             Bounds::Sound => self.data_record(frame),
             Bounds::Ends(next) => {
                 self.orphans = true;
+                self.inventory.lose(frame.offset..next);
                 self.damage(
                     frame.offset,
                     next - frame.offset,

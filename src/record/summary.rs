@@ -70,6 +70,21 @@ impl Summary {
         self.last_chunks.extend(channels.map(|&channel| (channel, chunk)));
     }
 
+    /// Takes away the attachments and metadata from byte `from` of the file on.
+    pub(super) fn split_off(&mut self, from: u64) -> Self {
+        let attachments = self.attachments.extract_if(.., |entry| entry.offset >= from).collect();
+        let metadata = self.metadata.extract_if(.., |entry| entry.offset >= from).collect();
+        Self { attachments, metadata, ..Self::default() }
+    }
+
+    /// What stood at some places stands at others.
+    pub(super) fn relocate(&mut self, place: impl Fn(u64) -> u64) {
+        let attachments = self.attachments.iter_mut().map(|entry| &mut entry.offset);
+        let metadata = self.metadata.iter_mut().map(|entry| &mut entry.offset);
+        let offsets = attachments.chain(metadata).chain(self.last_chunks.values_mut());
+        offsets.for_each(|offset| *offset = place(*offset));
+    }
+
     /// Hands over the indexes noted since the last time.
     pub(super) fn take_indexes(&mut self) -> Vec<u8> {
         self.indexes.take()

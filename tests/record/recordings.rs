@@ -153,6 +153,14 @@ pub fn mistreated() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
+/// An input that failed once, unless they are not there.
+pub fn case(name: &str) -> Option<Vec<u8>> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/cases").join(name);
+    let file = std::fs::read(&path);
+    assert!(file.is_ok() || std::env::var("CI").as_deref() != Ok("true"), "{} is missing", path.display());
+    file.inspect_err(|_| eprintln!("skipped: {} is not there", path.display())).ok()
+}
+
 /// The recordings of others, unless they are not there.
 pub fn shared() -> Vec<(PathBuf, Vec<u8>)> {
     let root = std::env::var_os("STILLPOINT_DATA")

@@ -79,7 +79,7 @@ impl Scan {
         if !self.chain_at(frame.end())? {
             return Ok(Bounds::Lost(Search::doubting(frame)));
         }
-        if frame.length <= SMALL || frame.length > longest {
+        if !self.is_ours(frame) && (frame.length <= SMALL || frame.length > longest) {
             let body = self.horizon.body(frame, REACH)?;
             if let Some(swallowed) = swallowed(body) {
                 return Ok(Bounds::Ends(frame.offset + (FRAME + swallowed) as u64));

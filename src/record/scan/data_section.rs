@@ -129,7 +129,7 @@ impl Scan {
         let whole = self.horizon.peek(size)?;
         let message = Message::parse(whole.get(FRAME..).unwrap_or_default()).filter(|_| frame.opcode == op::MESSAGE);
         let (channel, incredible) = match &message {
-            Some(message) => (Some(message.channel), !self.is_credible_message(message)),
+            Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
             None => (None, false),
         };
         match Survey::of(whole) {
@@ -186,7 +186,7 @@ impl Scan {
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
         self.data_crc.chunk();
         let (opened, content) = match self.supply.take() {
-            None if self.offering => {
+            None if self.offering && self.stands_in_place(frame) => {
                 self.stage = Stage::Offering(frame);
                 return Ok(());
             }

@@ -38,9 +38,11 @@ impl Scan {
         scan
     }
 
-    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun.
+    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun. An annotated
+    /// recording does not grow, so that there is nothing to take up.
     pub fn position(&self) -> Option<Position> {
-        let between = matches!(self.stage, Stage::Record) && self.queue.is_empty() && !self.summary.begun;
+        let at_a_record = matches!(self.stage, Stage::Record) && self.queue.is_empty();
+        let between = at_a_record && !self.summary.begun && self.ours.is_none();
         between.then(|| Position {
             offset: self.horizon.offset(),
             inventory: self.inventory.clone(),

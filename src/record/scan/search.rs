@@ -116,6 +116,7 @@ impl Scan {
             self.stage = Stage::Record;
             return;
         }
+        self.inventory.lose(search.offset..next);
         self.damage(search.offset, next - search.offset, search.what);
         match found {
             Some(next) => {

@@ -44,6 +44,7 @@ impl Scan {
 
     /// A record is damaged, but its framing is sound.
     pub(super) fn reject(&mut self, frame: Frame, what: impl Into<String>) {
+        self.inventory.lose(frame.offset..frame.end());
         self.damage(frame.offset, frame.end() - frame.offset, what);
     }
 
