@@ -11,9 +11,11 @@ mod mapping;
 mod preset;
 mod sample;
 mod schema;
+mod timing;
 
 pub use config::{
-    AccelUnit, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, SecondaryModel, VectorConfig, VectorPath,
+    AccelUnit, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, SecondaryModel, VectorConfig,
+    VectorPath,
 };
 pub use decode::Decoder;
 pub use decode::malformed::Malformed;
@@ -30,3 +32,4 @@ pub use sample::{ImuId, Quantity, Reading, Sample, Sensor};
 pub use schema::layout::{Layout, Place, SchemaError};
 pub use schema::lookup::PathError;
 pub use schema::path::{FieldPath, PathSyntaxError};
+pub use timing::Timing;

@@ -9,6 +9,7 @@ pub(crate) mod events;
 pub(crate) mod learner;
 pub(crate) mod no_imu;
 pub(crate) mod sources;
+pub(crate) mod time_order;
 pub(crate) mod timelines;
 
 pub use events::{Ending, News, Progress, Tell};

@@ -99,6 +99,9 @@ fn rests(still: &still::Config) -> Result<(), Fault> {
     ] {
         not_above(key, seconds, most)?;
     }
+    if !(0.0..=10.0).contains(&still.late_s) {
+        return fault("still.late_s", format!("{} is not between 0 and 10 seconds", still.late_s));
+    }
     not_below("still.leave", leave, "still.enter", enter)?;
     not_below("still.min_fit_s", min_fit_s, "still.min_rest_s", min_rest_s)?;
     not_below("still.max_duration_s", max_duration_s, "still.min_fit_s", min_fit_s)

@@ -28,6 +28,9 @@ pub struct ImuConfig {
     /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds` and `still`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
+    /// What its messages' `covariance[0]` of −1, "not measured", counts for; unset, such values are refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CovarianceUse>,
     /// What knows the true specific force and angular rate: a rate table, or motion capture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Box<ReferenceConfig>>,
@@ -81,6 +84,14 @@ pub enum SecondaryModel {
     CrossAxis,
 }
 
+/// Use of `covariance[0]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, DeserializeDerive)]
+#[serde(rename_all = "lowercase")]
+pub enum CovarianceUse {
+    /// Some drivers set it to −1 and measure all the same.
+    Ignore,
+}
+
 /// Place of a vector in the messages of a topic. Written as a path, as three paths, or as a table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct VectorConfig<Unit> {
@@ -90,6 +101,9 @@ pub struct VectorConfig<Unit> {
     /// Where it stands in the message; known types need none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<VectorPath>,
+    /// A vector to be added: the gravity that a phone takes out of its acceleration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plus: Option<FieldPath>,
     /// Unit of the values.
     pub unit: Unit,
 }
@@ -154,6 +168,7 @@ impl RateUnit {
 struct Table<Unit> {
     topic: Option<String>,
     path: Option<VectorPath>,
+    plus: Option<FieldPath>,
     unit: Option<Unit>,
 }
 
@@ -170,22 +185,22 @@ impl<'de, Unit: Deserialize<'de> + Default> Visitor<'de> for Forms<Unit> {
     type Value = VectorConfig<Unit>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a path to a vector, three paths to numbers, or a table with topic, path, unit")
+        f.write_str("a path to a vector, three paths to numbers, or a table with topic, path, plus, unit")
     }
 
     fn visit_str<E: de::Error>(self, text: &str) -> Result<Self::Value, E> {
         let path = text.parse().map_err(E::custom)?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), unit: Unit::default() })
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), plus: None, unit: Unit::default() })
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
         let axes = Deserialize::deserialize(SeqAccessDeserializer::new(seq))?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), unit: Unit::default() })
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), plus: None, unit: Unit::default() })
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        let Table { topic, path, unit } = Table::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(VectorConfig { topic, path, unit: unit.unwrap_or_default() })
+        let Table { topic, path, plus, unit } = Table::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(VectorConfig { topic, path, plus, unit: unit.unwrap_or_default() })
     }
 }
 

@@ -130,6 +130,11 @@ impl Intake {
         self.routes.contains_key(&channel_id) || self.untold.contains_key(&channel_id) || self.fixes.wants(channel_id)
     }
 
+    /// The IMUs asked for that read a channel, by their number.
+    pub fn sources_on(&self, channel_id: u16) -> impl Iterator<Item = usize> {
+        self.routes.get(&channel_id).into_iter().flatten().map(|route| route.source)
+    }
+
     /// Takes a message, and says where the recording is made if it is the first that tells.
     pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Position> {
         self.fixes.message(channel_id, data)
@@ -256,6 +261,35 @@ impl Intake {
         faults
     }
 
+    /// Why topics that might be IMUs are none so far, one line each.
+    pub fn obstacles(&self) -> Vec<String> {
+        let none_seen = |route: &&Route| self.sources.get(route.source).is_some_and(|source| source.imus.is_empty());
+        let mut topics: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for route in self.routes.values().flatten().filter(none_seen) {
+            let reasons = topics.entry(&route.topic).or_default();
+            let refused = !route.counts.is_empty() || route.taps.iter().any(|tap| !tap.counts.is_empty());
+            if route.messages == 0 && !refused {
+                reasons.push("has no messages".to_owned());
+            } else if route.taps.iter().all(|tap| tap.sensor == Sensor::Gyroscope) {
+                reasons.push("is a gyroscope alone; an IMU needs an accelerometer".to_owned());
+            }
+        }
+        for half in self.halves.values().filter(|half| half.side == Side::Gyroscope && half.source.is_none()) {
+            let paired = self.halves.values().any(|other| other.fits(half));
+            if half.gyro.is_some() && !paired {
+                topics
+                    .entry(&half.topic)
+                    .or_default()
+                    .push("is a gyroscope alone; an IMU needs an accelerometer".to_owned());
+            }
+        }
+        let faults = self.faults();
+        let refused = faults.iter().filter(|fault| topics.contains_key(&*fault.topic)).map(ToString::to_string);
+        let told =
+            topics.iter().flat_map(|(topic, reasons)| reasons.iter().map(move |reason| format!("{topic} {reason}")));
+        told.chain(refused).collect()
+    }
+
     /// News for people that they have not been told: each thing once, in the order in which it was seen.
     pub fn take_notices(&mut self) -> Vec<Notice> {
         std::mem::take(&mut self.notices)
@@ -323,8 +357,34 @@ impl Intake {
         let half = if by_itself { PairedTopic::new(topic, layout.name()) } else { None };
         match (half, known.as_slice()) {
             (Some(half), [known]) => self.pair(channel_id, half, layout, known, verdict),
+            (Some(half), []) => self.offer_pair(channel_id, half, layout, verdict),
             _ => verdict,
         }
+    }
+
+    /// Offers the halves of an IMU together where their types are not known.
+    fn offer_pair(
+        &mut self,
+        channel_id: u16,
+        mut half: PairedTopic,
+        layout: &Layout,
+        mut verdict: ChannelRole,
+    ) -> ChannelRole {
+        half.vector = Suggestion::only_vector(layout);
+        let other = self.halves.iter().find(|(_, other)| half.vector.is_some() && other.fits(&half));
+        let other = other.map(|(&id, other)| (id, other.clone()));
+        self.halves.insert(channel_id, half.clone());
+        let Some((other_id, other)) = other else { return verdict };
+        let (Some(own), Some(others)) = (half.vector.clone(), other.vector.clone()) else { return verdict };
+        let (own, others) = ((&*half.topic, own), (&*other.topic, others));
+        let (role, offered) = match half.side {
+            Side::Accelerometer => (Some(&mut verdict), Suggestion::of_vectors(own, others)),
+            Side::Gyroscope => (self.verdicts.get_mut(&other_id), Suggestion::of_vectors(others, own)),
+        };
+        if let Some(ChannelRole::Other { suggestion, .. }) = role {
+            *suggestion = Some(Box::new(offered));
+        }
+        verdict
     }
 
     /// Puts the halves of an IMU together once both are known.

@@ -17,7 +17,7 @@ pub struct Sample {
 }
 
 /// Message's word on one triad.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Reading {
     /// It measured.
     Sample(Sample),
@@ -73,7 +73,8 @@ impl Sensor {
 pub struct ImuId(usize);
 
 impl ImuId {
-    pub(super) fn new(index: usize) -> Self {
+    /// The IMU at a place of [`Intake::imus`](super::Intake::imus).
+    pub fn of(index: usize) -> Self {
         Self(index)
     }
 

@@ -32,12 +32,16 @@ impl Layout {
             None if wire == Wire::Json => return Err(SchemaError::Untold),
             schema => schema.ok_or_else(|| SchemaError::Missing(message_encoding.into()))?,
         };
+        if wire != Wire::Json && schema.data.trim_ascii().is_empty() {
+            return Err(SchemaError::Empty { name: schema.name.clone() });
+        }
         let messages = match (wire, schema.encoding.as_str()) {
             (Wire::Cdr, "ros2msg") | (Wire::Ros1, "ros1msg") => rosmsg::parse(&schema.name, text(schema)?, wire)?,
             (Wire::Cdr, "ros2idl" | "omgidl") => idl::parse(&schema.name, text(schema)?)?,
             (Wire::Protobuf, "protobuf") => descriptor::parse(&schema.name, &schema.data)?,
             (Wire::Json, "jsonschema") => jsonschema::parse(&schema.name, text(schema)?)?,
             (Wire::Json, "") => return Err(SchemaError::Untold),
+            (_, "") => return unread(&format!("{message_encoding} with a schema that names no language")),
             (_, language) => return unread(&format!("{message_encoding} with a {language} schema")),
         };
         Ok(Self { wire, messages })

@@ -6,6 +6,8 @@ mod engine_setup;
 mod notes;
 mod restore;
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use self::engine_setup::{engine_config, topic_of};
@@ -15,12 +17,13 @@ use crate::annotate::{Annotator, Corrected, Corrections};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message};
 use crate::fit::{Gravity, Place, Source};
-use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor};
+use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor, Timing};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{News, Tell};
 use crate::pipeline::sources::Sources;
+use crate::pipeline::time_order::TimeOrder;
 use crate::printable;
 use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Topic};
 use crate::report::Findings;
@@ -35,6 +38,8 @@ pub(crate) struct Learner {
     #[serde(skip)]
     config: Config,
     sources: Sources,
+    time_order: TimeOrder,
+    timing: Timing,
     /// What the damages of this split are told with, where there are several.
     split: Option<String>,
     imus: Vec<Learning>,
@@ -52,6 +57,9 @@ pub(crate) struct Learner {
     place: Option<Place>,
     #[serde(skip)]
     readings: Vec<(ImuId, Sensor, Reading)>,
+    /// The same, as their times are put right.
+    #[serde(skip)]
+    timed: Vec<(ImuId, Sensor, Reading)>,
     #[serde(skip)]
     events: Vec<engine::Event>,
 }
@@ -75,6 +83,8 @@ pub(crate) struct Learned {
     pub(crate) channels: Vec<(Channel, ChannelRole)>,
     /// What was refused or missed, one line each.
     pub(crate) notes: Vec<String>,
+    /// Whether an IMU's channels stand one behind the other, and were not read in order.
+    pub(crate) apart: bool,
     /// The first ones.
     pub(crate) damage: Vec<Damage>,
     pub(crate) damages: u64,
@@ -87,6 +97,8 @@ impl Learner {
         Self {
             config: config.clone(),
             sources: Sources::new(config),
+            time_order: TimeOrder::default(),
+            timing: Timing::new(config.still.late_s),
             split: None,
             begun: false,
             closed: false,
@@ -99,8 +111,20 @@ impl Learner {
             log_time: 0,
             place: None,
             readings: Vec::new(),
+            timed: Vec::new(),
             events: Vec::new(),
         }
+    }
+
+    /// The same, but messages of these channels are taken in the order of their log times.
+    pub(crate) fn in_time_order(self, channels: BTreeSet<u16>) -> Self {
+        Self { time_order: TimeOrder::merging(channels), ..self }
+    }
+
+    /// Channels of one IMU that stand one behind the other, if there are any: what is learned of it is worth little unless
+    /// they are read [in the order of their times](Self::in_time_order).
+    pub(crate) fn apart(&self) -> Option<BTreeSet<u16>> {
+        self.time_order.apart()
     }
 
     /// Tells of the channels so far once more.
@@ -134,9 +158,16 @@ impl Learner {
             }
             Event::Message(message) => {
                 self.log_time = message.log_time;
-                if let Some(message) = self.sources.wanted(message) {
-                    self.message(&message, tell);
-                    self.correct(&message, tell);
+                let Some(message) = self.sources.wanted(message) else { return };
+                if self.time_order.holds(message.channel) {
+                    self.time_order.hold(&message);
+                    while let Some(held) = self.time_order.next() {
+                        self.use_message(&held.message(), tell);
+                    }
+                } else {
+                    let sources = self.sources.intake.sources_on(message.channel);
+                    self.time_order.watch(sources, message.channel, message.log_time);
+                    self.use_message(&message, tell);
                 }
             }
             Event::ChunkEnd => {
@@ -202,9 +233,25 @@ impl Learner {
         &self.sources
     }
 
+    /// Why topics that might be IMUs are none so far, and what damage hides, one line each.
+    pub(crate) fn obstacles(&self) -> Vec<String> {
+        let mut obstacles = self.sources.intake.obstacles();
+        obstacles.extend(self.damage.first().map(ToString::to_string));
+        obstacles
+    }
+
     /// The last split has ended, too.
     pub(crate) fn close(&mut self, tell: Tell<'_>) {
         self.closed = true;
+        while let Some(held) = self.time_order.pop() {
+            self.use_message(&held.message(), tell);
+        }
+        let Self { timing, timed, .. } = self;
+        timing.finish(&mut |read| timed.push(read));
+        self.push_timed(tell);
+        for remark in self.timing_remarks() {
+            self.log(Level::Warning, remark, tell);
+        }
         for i in 0..self.imus.len() {
             if let Some(imu) = self.imus.get_mut(i) {
                 imu.engine.finish(&mut self.events);
@@ -223,16 +270,33 @@ impl Learner {
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
-        let notes = faults.chain(self.sources.missing()).chain(stuck).collect();
+        let apart = self.apart().is_some();
+        let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck).collect();
         let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
             channels: channels.collect(),
             notes,
+            apart,
             damage: self.damage,
             damages: self.damages,
             annotator: self.annotator,
         }
+    }
+
+    /// What was done to the times of the readings, one line each.
+    fn timing_remarks(&self) -> Vec<String> {
+        let imus = self.sources.intake.imus().iter().enumerate();
+        let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
+        ids.flat_map(|(id, imu)| self.timing.remarks(id).into_iter().map(move |text| format!("{}: {text}", imu.name)))
+            .chain(self.time_order.remark())
+            .collect()
+    }
+
+    fn use_message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+        self.log_time = message.log_time;
+        self.message(message, tell);
+        self.correct(message, tell);
     }
 
     fn message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
@@ -253,8 +317,16 @@ impl Learner {
         for notice in self.sources.intake.take_notices() {
             self.log(Level::Warning, notice.text, tell);
         }
-        for i in 0..self.readings.len() {
-            let Some(&(imu, sensor, reading)) = self.readings.get(i) else { break };
+        let Self { timing, readings, timed, .. } = self;
+        timing.pass(message.channel, message.log_time, readings, &mut |read| timed.push(read));
+        self.readings.clear();
+        self.push_timed(tell);
+    }
+
+    /// Lets the engines have the readings whose turn has come.
+    fn push_timed(&mut self, tell: Tell<'_>) {
+        for i in 0..self.timed.len() {
+            let Some(&(imu, sensor, reading)) = self.timed.get(i) else { break };
             let imu = imu.index();
             let Some(learning) = self.imus.get_mut(imu) else { continue };
             match reading {
@@ -268,7 +340,7 @@ impl Learner {
                 self.publish(imu, tell);
             }
         }
-        self.readings.clear();
+        self.timed.clear();
     }
 
     /// Writes the corrected message, by the calibrations in force.

@@ -11,7 +11,7 @@ use crate::imu::{ChannelRole, ImuConfig, Suggestion};
 const LISTED: usize = 8;
 
 /// The topics there are, why they are not used, and how to map one, or which ones the configuration names in vain.
-pub(crate) fn no_imu(path: &Path, sources: &Sources) -> Error {
+pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Error {
     let topic = |(entry, verdict): (&Entry, &ChannelRole)| {
         let Entry { channel, .. } = entry;
         let kind = if entry.schema_name().is_empty() { &channel.message_encoding } else { entry.schema_name() };
@@ -25,13 +25,26 @@ pub(crate) fn no_imu(path: &Path, sources: &Sources) -> Error {
     let further = topics.len().saturating_sub(LISTED);
     topics.truncate(LISTED);
     let listed = match (topics.as_slice(), further) {
-        ([], _) => return Error::unfit(path, "no usable IMU topic: the recording has no topics at all"),
+        ([], _) if obstacles.is_empty() => {
+            return Error::unfit(path, "no usable IMU topic: the recording has no topics at all");
+        }
+        ([], _) => {
+            let why = obstacles.join("; ");
+            return Error::unfit(
+                path,
+                format!("no usable IMU topic: none of the recording's topics can be read: {why}"),
+            );
+        }
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
     let missing = sources.missing();
     if !missing.is_empty() {
         return Error::unfit(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
+    }
+    if !obstacles.is_empty() {
+        let why = obstacles.join("; ");
+        return Error::unfit(path, format!("no usable IMU topic among {listed}: {why}; see stillpoint topics"));
     }
     let advice = match suggested(sources.channels().map(|(_, verdict)| verdict)) {
         Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),

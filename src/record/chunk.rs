@@ -137,9 +137,13 @@ impl Inflate {
             .ok_or_else(|| format!("a chunk that claims {} uncompressed bytes", header.uncompressed_size))?;
         let place = match header.compression {
             "" => Place::Plain,
-            "zstd" => self.zstd(data, size).map(|()| Place::Inflated)?,
-            "lz4" => self.lz4(data, size).map(|()| Place::Inflated)?,
-            other => return Err(format!("a chunk of unknown compression `{other}`")),
+            "zstd" => {
+                self.zstd(data, size).map_err(|cause| foreign(data, "zstd", &ZSTD, cause)).map(|()| Place::Inflated)?
+            }
+            "lz4" => {
+                self.lz4(data, size).map_err(|cause| foreign(data, "lz4", &LZ4, cause)).map(|()| Place::Inflated)?
+            }
+            other => return Err(unread(other)),
         };
         let records = self.records(place, data);
         if records.len() != size {
@@ -228,6 +232,34 @@ fn exact(more: bool, size: usize) -> Result<(), String> {
     match more {
         true => Err(format!("a chunk that opens to more than the {size} bytes that it claims")),
         false => Ok(()),
+    }
+}
+
+/// First bytes of a frame.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+const LZ4: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
+
+/// What is said of a compression that is not read.
+fn unread(compression: &str) -> String {
+    let spelt = match compression.to_lowercase().as_str() {
+        "zstd" | "lz4" => " (MCAP spells its own `zstd` and `lz4`)",
+        _ => "",
+    };
+    let compression = crate::printable(compression);
+    format!(
+        "a chunk whose compression `{compression}` is not read{spelt}: MCAP knows zstd, lz4 and none; have the program that \
+         wrote it write one of these, or `mcap compress --compression zstd` if its reader knows `{compression}`"
+    )
+}
+
+/// The same, of bytes that are not what the chunk says they are compressed by.
+fn foreign(data: &[u8], name: &str, magic: &[u8], cause: String) -> String {
+    match data.starts_with(magic) {
+        true => cause,
+        false => format!(
+            "{cause}: it says {name}, but is no {name} frame (a raw block?); have the program that wrote it write frames, or \
+             no compression"
+        ),
     }
 }
 

@@ -2,6 +2,29 @@
 
 use std::io;
 
+/// What a file that begins like this is, and what to do.
+fn kind(found: &[u8]) -> String {
+    let begins = |with: &[u8]| found.starts_with(with);
+    let what = match () {
+        () if begins(b"version ") => "a Git LFS pointer, which stands for the recording; fetch it with `git lfs pull`",
+        () if begins(&[0x28, 0xb5, 0x2f, 0xfd]) => {
+            "compressed as a whole by zstd (rosbag2's compression_mode FILE, for one); decompress it with `zstd -d`"
+        }
+        () if begins(&[0x1f, 0x8b]) => "compressed as a whole by gzip; decompress it with `gunzip`",
+        () if begins(&[0x04, 0x22, 0x4d, 0x18]) => "compressed as a whole by lz4; decompress it with `lz4 -d`",
+        () if begins(b"BZh") => "compressed as a whole by bzip2; decompress it with `bunzip2`",
+        () if begins(b"\x89MCAP0\n") || begins(b"\x89MCAP0\r\r\n") || begins(b"\x89MCAP0\r\r") => {
+            "it was transferred as text, which changed its line ends and cannot be undone; transfer it again as binary \
+             (Git: `*.mcap binary` in .gitattributes)"
+        }
+        () if begins(b"#ROSBAG") => "a ROS 1 bag; convert it with `mcap convert`",
+        () if begins(b"SQLite") => "a rosbag2 of sqlite3; convert it with `mcap convert`",
+        () if begins(b"ULog") => "a PX4 ULog; convert it to MCAP first, with PlotJuggler or Foxglove for instance",
+        () => return format!("it {}; convert ROS bags with `mcap convert` first", beginning(found)),
+    };
+    what.to_owned()
+}
+
 /// Why a recording cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -9,7 +32,7 @@ pub enum Error {
     #[error("the recording is empty: was its recorder ever started?")]
     Empty,
     /// The first bytes are not MCAP's.
-    #[error("not an MCAP recording: it {}; convert ROS bags with `mcap convert` first", beginning(found))]
+    #[error("not an MCAP recording: {}", kind(found))]
     NotMcap {
         /// The bytes that stand there.
         found: Vec<u8>,

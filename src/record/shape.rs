@@ -7,6 +7,9 @@ use super::wire::{FRAME, op};
 /// Longest attachment that is taken for one, in bytes: attachments are never held in memory.
 const LONGEST_ATTACHMENT: u64 = 1 << 48;
 
+/// Most bytes of unknown fields that are believed at the end of a record behind damage.
+pub(super) const SPARE: u64 = 4096;
+
 /// Whether a record of this opcode can have a body of this length. A chunk that is still open claims `u64::MAX`.
 pub(super) fn fits(opcode: u8, length: u64) -> bool {
     let (least, most) = match opcode {
@@ -25,7 +28,8 @@ pub(super) fn fits(opcode: u8, length: u64) -> bool {
         op::STATISTICS => (46, LIMIT),
         op::METADATA_INDEX => (20, LIMIT),
         op::SUMMARY_OFFSET => (17, LIMIT),
-        op::DATA_END => (4, 4),
+        // Not to be extended by the specification, but read by all readers where it is.
+        op::DATA_END => (4, SPARE + 4),
         _ => (0, LIMIT),
     };
     (least..=most).contains(&length)

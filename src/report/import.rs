@@ -203,6 +203,16 @@ fn autopilot(parameters: &Parameters, axes: Option<Axes>) -> Result<Vec<Findings
         if untouched(offset) && untouched(gyro) {
             continue;
         }
+        if let Some(rotation) = names.rotations.iter().find(|name| parameters.get(name).is_some_and(|turn| turn > 0.0))
+        {
+            return Err(wrong(
+                format,
+                format!(
+                    "{rotation} turns the readings after their correction: the numbers are along the sensor's axes, not the \
+                     recording's; set it to 0 in a copy if the recording holds the sensor's own"
+                ),
+            ));
+        }
         let signs = Vector3::from(axes.ok_or(ImportError::Axes(format))?.signs_to(Axes::Frd));
         let accel = match (offset, scale) {
             (Some(offset), Some(scale)) if scale.iter().all(|scale| *scale > 0.0) => {

@@ -5,7 +5,7 @@
 mod annotated_writer;
 mod split_learner;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -88,13 +88,25 @@ pub fn annotate(
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
+    annotate_in_order(input, outputs, config, options, watch, None)
+}
+
+/// The same, with messages of these channels in the order of their log times.
+fn annotate_in_order(
+    input: &Input,
+    outputs: &[PathBuf],
+    config: &Config,
+    options: Options,
+    watch: Watch<'_>,
+    order: Option<BTreeSet<u16>>,
+) -> Result<(Report, Written), Error> {
     let settings = settings(config);
     let alone = options.form == Form::Sidecar;
     let twice = config.output.corrected == Corrected::Final;
     let mut target = Target::open(input, outputs, options)?;
     let mut sidecar = if alone { Some(target.next(0)?) } else { None };
     let mut kept = Kept::beside(target.beside());
-    let mut lesson = Lesson::new(input, config, options);
+    let mut lesson = Lesson::new(input, config, options, order);
     let mut profile = None;
     // Splits that what is learned of later ones is to be written into.
     let mut drafts = Vec::new();
@@ -122,6 +134,11 @@ pub fn annotate(
         if let Some(original) = split.original_within(&inventory)? {
             drop((output, drafts, sidecar, target));
             return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
+        }
+        // In place, what has been written of earlier splits stays.
+        if let Some(apart) = lesson.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
+            drop((output, drafts, sidecar, target));
+            return annotate_in_order(input, outputs, config, options, watch, Some(apart));
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());
         if let Some(output) = output {
@@ -215,12 +232,24 @@ pub(super) fn fold(
 ///
 /// If the recording cannot be read or has no usable IMU topic.
 pub fn calibrate(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
-    let mut lesson = Lesson::new(input, config, Options::default());
+    calibrate_in_order(input, config, watch, None)
+}
+
+fn calibrate_in_order(
+    input: &Input,
+    config: &Config,
+    watch: Watch<'_>,
+    order: Option<BTreeSet<u16>>,
+) -> Result<Report, Error> {
+    let mut lesson = Lesson::new(input, config, Options::default(), order);
     for (index, split) in input.splits.iter().enumerate() {
         let done = lesson.done;
         let inventory = lesson.read(index, split, None, &|at| watch(done + at))?;
         if let Some(original) = split.original_within(&inventory)? {
             return calibrate(&input.with_split(index, original)?, config, watch);
+        }
+        if let Some(apart) = lesson.learner.apart() {
+            return calibrate_in_order(input, config, watch, Some(apart));
         }
     }
     Ok(Report::new(lesson.learner.finish(&mut |_| {}), lesson.messages))

@@ -24,6 +24,8 @@ pub struct Config {
     pub max_duration_s: f64,
     /// Least forward jump of the stamps that counts as a gap, in seconds; never fewer than five sample periods.
     pub gap_s: f64,
+    /// Readings that come later than others by no more, in seconds of their stamps, are sorted in; 0 sorts none.
+    pub late_s: f64,
     /// Noise of an accelerometer axis above which nothing is believed to be a rest, in m/s².
     pub accel_ceiling: f64,
     /// Noise of a gyroscope axis above which nothing is believed to be a rest, in rad/s.
@@ -46,6 +48,7 @@ impl Default for Config {
             min_fit_s: 1.0,
             max_duration_s: 60.0,
             gap_s: 0.1,
+            late_s: 0.1,
             accel_ceiling: 0.15,
             gyro_ceiling: 0.02,
             max_creep: 0.05,

@@ -3,10 +3,13 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/session.rs"]
+mod session;
 
 mod containers;
 mod in_place;
 mod readme;
+mod real_recordings;
 mod recordings;
 mod refused;
 mod results;

@@ -137,6 +137,18 @@ pub fn finish(command: &mut Command) -> Run {
     }
 }
 
+/// An input that failed once, or a printed line and `None` where there are none. In CI they must be there.
+pub fn case(name: &str) -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cases");
+    let path = std::env::var_os("STILLPOINT_CASES").map_or(default, PathBuf::from).join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "{} is missing", path.display());
+    eprintln!("skipped: {} is not there", path.display());
+    None
+}
+
 /// A real recording, or a printed line and `None` where there are none. In CI they must be there.
 pub fn recording(name: &str) -> Option<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");

@@ -53,6 +53,9 @@ fn encapsulation(identifier: u16) -> &'static str {
     match identifier {
         0x02 | 0x03 | 0x0a | 0x0b | 0x12 | 0x13 => "a parameter list, as of @mutable types",
         0x04 => "XML",
+        0x28b5 => {
+            "zstd: each message is compressed, rosbag2's compression_mode MESSAGE; `ros2 bag convert` decompresses"
+        }
         _ => "unknown",
     }
 }

@@ -60,7 +60,7 @@ impl fmt::Display for ChannelRole {
             Self::Skipped(reason) => write!(f, "skipped: {reason}"),
             Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),
             Self::Other { vectors, .. } => {
-                let vectors: Vec<_> = vectors.iter().map(|path| format!("`{path}`")).collect();
+                let vectors: Vec<_> = vectors.iter().map(FieldPath::called).collect();
                 write!(f, "not an IMU as far as its type tells; it has the vectors {}", vectors.join(", "))
             }
             Self::Untold => f.write_str("JSON without a schema, and no message that tells its fields"),

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::route::Route;
+use crate::imu::config::VectorPath;
 
 /// A channel that may be one half of an IMU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +17,8 @@ pub(in crate::imu) struct PairedTopic {
     family: String,
     /// The source of the IMU whose accelerometer it is.
     pub(in crate::imu) source: Option<usize>,
+    /// Its only vector, if its type is not known.
+    pub(in crate::imu) vector: Option<VectorPath>,
     /// What would take the readings of the gyroscope.
     pub(in crate::imu) gyro: Option<Route>,
 }
@@ -33,7 +36,7 @@ impl PairedTopic {
         let (side, key) = parted(&topic.to_lowercase())?;
         let lower = type_name.to_lowercase();
         let family = parted(&lower).map_or(lower, |(_, family)| family);
-        Some(Self { topic: topic.to_owned(), side, key, family, source: None, gyro: None })
+        Some(Self { topic: topic.to_owned(), side, key, family, source: None, gyro: None, vector: None })
     }
 
     /// What both halves of an IMU have in common.
@@ -49,13 +52,20 @@ impl PairedTopic {
 
 /// The triad in a name, and the name without it; none if there is no triad or more than one.
 fn parted(name: &str) -> Option<(Side, String)> {
-    const WORDS: [(&str, Side); 4] = [
+    const WORDS: [(&str, Side); 10] = [
         ("accelerometer", Side::Accelerometer),
         ("gyroscope", Side::Gyroscope),
         ("accel", Side::Accelerometer),
         ("gyro", Side::Gyroscope),
+        ("acceleration", Side::Accelerometer),
+        ("angular_velocity", Side::Gyroscope),
+        ("rotation_rate", Side::Gyroscope),
+        ("rotationrate", Side::Gyroscope),
+        ("acc", Side::Accelerometer),
+        ("gyr", Side::Gyroscope),
     ];
-    let (word, side) = WORDS.into_iter().find(|(word, _)| name.contains(word))?;
+    let longest = |word: &&(&str, Side)| word.0.len();
+    let (word, side) = *WORDS.iter().filter(|(word, _)| name.contains(word)).max_by_key(longest)?;
     let (before, after) = name.split_once(word)?;
     let rest = format!("{before}*{after}");
     WORDS.iter().all(|(word, _)| !rest.contains(word)).then_some((side, rest))

@@ -44,7 +44,7 @@ impl fmt::Display for Cause {
             Self::Malformed => "the payload is not what the schema says",
             Self::LogTime => "the log time lies beyond the year 2262",
             Self::NotFinite => "NaN, infinity, or not in the message",
-            Self::NotMeasured => "marked as not measured (covariance[0] is -1)",
+            Self::NotMeasured => "marked as not measured (covariance[0] is -1); if its driver measures all the same, map the topic with covariance = \"ignore\"",
             Self::NoTime => "an increment over no time",
             Self::Zero => "exactly zero from the start, taken as absent",
             Self::ForeignFrame => "its frame_id differs from that of the topic's first message",
@@ -97,6 +97,10 @@ impl Counts {
         let Some(count) = self.0.get_mut(cause as usize) else { return 0 };
         *count += 1;
         *count
+    }
+
+    pub(in crate::imu) fn is_empty(&self) -> bool {
+        self.iter().next().is_none()
     }
 
     pub(in crate::imu) fn iter(&self) -> impl Iterator<Item = (Cause, u64)> {

@@ -94,7 +94,7 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
     if source.imus.len() >= MAX_FRAMES {
         return None;
     }
-    let id = ImuId::new(imus.len());
+    let id = ImuId::of(imus.len());
     let frame_id = String::from_utf8_lossy(frame).into_owned();
     let first = source.imus.is_empty();
     let gyro = route.taps.iter().any(|tap: &Tap| tap.sensor == Sensor::Gyroscope);

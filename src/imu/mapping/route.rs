@@ -30,6 +30,8 @@ pub(in crate::imu) struct Route {
     pub(in crate::imu) source: usize,
     pub(in crate::imu) taps: Vec<Tap>,
     pub(in crate::imu) counts: Counts,
+    /// Messages that it could read.
+    pub(in crate::imu) messages: u64,
     /// The frames met so far, the first one always.
     pub(in crate::imu) frames: Vec<Vec<u8>>,
     /// Whether the frames of this topic belong to the frames of the accelerometer's in the order in which they appear.
@@ -54,6 +56,8 @@ pub(in crate::imu) struct Tap {
     factor: f64,
     /// Its x; y and z follow.
     at: usize,
+    /// X of a vector that is added; y and z follow.
+    plus: Option<usize>,
     /// Its `covariance[0]`.
     covariance: Option<usize>,
     /// Microseconds over which it is an increment.
@@ -109,6 +113,16 @@ impl Route {
             let find = |path: Option<&FieldPath>| path.and_then(|path| layout.find_number(path));
             let clipping = part.iter().flat_map(|part| &part.clipping).filter_map(|path| find(Some(path)));
             let clipping = clipping.map(|place| add(Some(place))).last().map_or(after..after, |last| after..last + 1);
+            let plus = match request.plus {
+                None => None,
+                Some(path) => {
+                    let [x, y, z] = layout.vector(path)?;
+                    let at = add(Some(x));
+                    add(Some(y));
+                    add(Some(z));
+                    Some(at)
+                }
+            };
             taps.push(Tap {
                 sensor: request.sensor,
                 name: request.name.to_owned(),
@@ -118,7 +132,8 @@ impl Route {
                 counts: Counts::default(),
                 factor: request.factor,
                 at,
-                covariance: covariance.map(|place| add(Some(place))),
+                plus,
+                covariance: covariance.filter(|_| !request.ignores_covariance).map(|place| add(Some(place))),
                 over: find(part.and_then(|part| part.over.as_ref())).map(|place| add(Some(place))),
                 clipping,
                 round: find(part.and_then(|part| part.round.as_ref())).map(|place| add(Some(place))),
@@ -131,6 +146,7 @@ impl Route {
             source,
             taps,
             counts: Counts::default(),
+            messages: 0,
             frames: Vec::new(),
             in_order: false,
             decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
@@ -143,6 +159,7 @@ impl Route {
     /// Reads one message: when it was measured, and by which sensor.
     pub(in crate::imu) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
         let text = self.decoder.read(data, &mut self.numbers)?;
+        self.messages += 1;
         let frame = match self.device.and_then(|at| self.numbers.get(at)) {
             Some(&device) => Frame::digits(device as u64),
             None => Frame::Text(text),
@@ -164,7 +181,7 @@ impl Route {
         if seconds == 0.0 {
             return Err(Cause::NoTime);
         }
-        let value = Vector3::new(x, y, z) * (tap.factor / seconds);
+        let value = (Vector3::new(x, y, z) + self.added(tap)) * (tap.factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
@@ -179,13 +196,19 @@ impl Route {
         for tap in &self.taps {
             let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
             let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
-            let own = value / (tap.factor / seconds);
+            let own = value / (tap.factor / seconds) - self.added(tap);
             changes.extend(own.iter().enumerate().map(|(axis, &value)| (tap.at + axis, value)));
         }
         match changes.is_empty() || !changes.iter().all(|(_, value)| value.is_finite()) {
             true => None,
             false => self.decoder.rewrite(data, self.numbers.len(), &changes),
         }
+    }
+
+    /// What is added to the reading of a tap, in its unit.
+    fn added(&self, tap: &Tap) -> Vector3<f64> {
+        let plus = tap.plus.and_then(|at| self.numbers.get(at..)?.first_chunk());
+        plus.map_or_else(Vector3::zeros, |&[x, y, z]| Vector3::new(x, y, z))
     }
 
     /// Whether the last message says that the reading of a tap is clipped.
@@ -277,7 +300,7 @@ impl<'a> Axes<'a> {
     }
 
     fn no_path(layout: &Layout, request: &Request<'_>) -> RouteError {
-        let vectors: Vec<_> = layout.vectors().iter().map(|path| format!("`{path}`")).collect();
+        let vectors: Vec<_> = layout.vectors().iter().map(FieldPath::called).collect();
         let vectors = match vectors.as_slice() {
             [] => format!("three paths to numbers; {} has no vector", layout.name()),
             vectors => vectors.join(" or "),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::known_types::KnownType;
 use super::request::Request;
 use crate::imu::config::SecondaryModel;
-use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, ReferenceConfig, VectorConfig};
+use crate::imu::config::{AccelUnit, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, VectorConfig};
 use crate::imu::preset::Preset;
 use crate::imu::sample::{ImuId, Quantity, Sensor};
 use crate::imu::schema::path::FieldPath;
@@ -113,6 +113,7 @@ impl Source {
     pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a KnownType>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();
         let mut requests = Vec::new();
+        let ignores_covariance = self.config.covariance == Some(CovarianceUse::Ignore);
         let gyro = self.config.gyro.as_ref();
         // A type that is not an IMU has one vector, which cannot be both triads.
         let own = with_accel && gyro.is_none_or(|gyro| gyro.path.is_none());
@@ -124,6 +125,8 @@ impl Source {
                 name: "gyroscope",
                 path: gyro.and_then(|gyro| gyro.path.as_ref()),
                 known: known_gyro,
+                plus: gyro.and_then(|gyro| gyro.plus.as_ref()),
+                ignores_covariance,
                 factor: gyro.map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
                 with_accel,
             });
@@ -138,6 +141,8 @@ impl Source {
                     name: &secondary.name,
                     path: secondary.accel.as_ref().and_then(|accel| accel.path.as_ref()),
                     known: known_accel.filter(|_| !with_accel),
+                    plus: secondary.accel.as_ref().and_then(|accel| accel.plus.as_ref()),
+                    ignores_covariance,
                     factor: accel(secondary.accel.as_ref()).factor(),
                     with_accel,
                 });
@@ -154,6 +159,8 @@ impl Source {
                     name: "reference rate",
                     path: reference.gyro.as_ref().and_then(|gyro| gyro.path.as_ref()),
                     known: known_rate,
+                    plus: reference.gyro.as_ref().and_then(|gyro| gyro.plus.as_ref()),
+                    ignores_covariance,
                     factor: reference.gyro.as_ref().map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
                     with_accel: false,
                 });
@@ -165,6 +172,8 @@ impl Source {
                     name: "reference force",
                     path: reference.accel.as_ref().and_then(|accel| accel.path.as_ref()),
                     known: known_accel,
+                    plus: reference.accel.as_ref().and_then(|accel| accel.plus.as_ref()),
+                    ignores_covariance,
                     factor: accel(reference.accel.as_ref()).factor(),
                     with_accel: false,
                 });
@@ -177,6 +186,8 @@ impl Source {
                 name: "accelerometer",
                 path: self.config.accel.as_ref().and_then(|accel| accel.path.as_ref()),
                 known: known_accel,
+                plus: self.config.accel.as_ref().and_then(|accel| accel.plus.as_ref()),
+                ignores_covariance,
                 factor: accel(self.config.accel.as_ref()).factor(),
                 with_accel,
             });

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::known_types::known;
-use crate::imu::config::{AccelUnit, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
+use crate::imu::config::{AccelUnit, CovarianceUse, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
 use crate::imu::schema::layout::Layout;
 use crate::{printable, printable_json};
 
@@ -22,13 +22,27 @@ impl Suggestion {
     pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
         let candidates = candidates(layout);
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
-        if let Some((name, accel)) = find(is_accel) {
+        let whole = |name: &str| is_accel(name) && !is_without_gravity(name);
+        let accel = candidates.iter().find(|(name, _)| whole(name));
+        let has_gravity = candidates.iter().any(|(name, _)| name == "gravity");
+        let accel = accel.or_else(|| find(is_accel).filter(|_| has_gravity));
+        if let Some((name, accel)) = accel {
             let unit = if is_in_g(name) { AccelUnit::StandardGravity } else { AccelUnit::default() };
             let gyro = find(is_gyro).map(|(name, path)| {
                 let unit = if is_in_degrees(name) { RateUnit::DegreesPerSecond } else { RateUnit::default() };
-                VectorConfig { topic: None, path: Some(path.clone()), unit }
+                VectorConfig { path: Some(path.clone()), unit, ..VectorConfig::default() }
             });
-            let accel = Some(VectorConfig { topic: None, path: Some(accel.clone()), unit });
+            let gravity = candidates.iter().find(|(name, _)| name == "gravity").map(|(_, path)| path);
+            // What a phone takes gravity out of is an acceleration; both together are what its accelerometer reads, in g
+            // where the names are Apple's.
+            let (plus, unit) = match gravity {
+                Some(VectorPath::Whole(gravity)) if is_without_gravity(name) => {
+                    let unit = if name == "useracceleration" { AccelUnit::StandardGravity } else { unit };
+                    (Some(gravity.clone()), unit)
+                }
+                _ => (None, unit),
+            };
+            let accel = Some(VectorConfig { path: Some(accel.clone()), plus, unit, ..VectorConfig::default() });
             return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
         }
         // The one vector of a message whose topic says what it is.
@@ -45,6 +59,26 @@ impl Suggestion {
             ..SecondaryConfig::default()
         };
         Some(Self::Accelerometer(secondary))
+    }
+
+    /// The only vector of a message.
+    pub(in crate::imu) fn only_vector(layout: &Layout) -> Option<VectorPath> {
+        match candidates(layout).as_slice() {
+            [(_, path)] => Some(path.clone()),
+            _ => None,
+        }
+    }
+
+    /// An IMU whose halves are the only vectors of topics of unknown types.
+    pub(in crate::imu) fn of_vectors((accel, path): (&str, VectorPath), (gyro, of_gyro): (&str, VectorPath)) -> Self {
+        let gyro = VectorConfig { topic: Some(gyro.to_owned()), path: Some(of_gyro), ..VectorConfig::default() };
+        let accel_config = VectorConfig { path: Some(path), ..VectorConfig::default() };
+        Self::Imu(ImuConfig {
+            topic: accel.to_owned(),
+            accel: Some(accel_config),
+            gyro: Some(gyro),
+            ..ImuConfig::default()
+        })
     }
 
     /// An IMU whose halves are topics of known types.
@@ -105,7 +139,8 @@ impl ImuConfig {
         let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline("g")));
         let gyro = self.gyro.as_ref().map(|gyro| format!("gyro = {}", gyro.inline("deg/s")));
         let topic = format!("topic = {}", quoted(&self.topic));
-        [Some(topic), name, accel, gyro].into_iter().flatten().collect()
+        let covariance = self.covariance.map(|CovarianceUse::Ignore| "covariance = \"ignore\"".to_owned());
+        [Some(topic), name, accel, gyro, covariance].into_iter().flatten().collect()
     }
 }
 
@@ -128,12 +163,13 @@ impl<Unit: Default + PartialEq> VectorConfig<Unit> {
             }
         });
         let unit = (self.unit != Unit::default()).then(|| format!("unit = {}", quoted(other)));
-        match (&self.topic, path, unit) {
-            (None, Some(path), None) => path,
-            (topic, path, unit) => {
+        let plus = self.plus.as_ref().map(|path| format!("plus = {}", quoted(&path.to_string())));
+        match (&self.topic, path, plus, unit) {
+            (None, Some(path), None, None) => path,
+            (topic, path, plus, unit) => {
                 let topic = topic.as_ref().map(|topic| format!("topic = {}", quoted(topic)));
                 let path = path.map(|path| format!("path = {path}"));
-                let entries: Vec<_> = [topic, path, unit].into_iter().flatten().collect();
+                let entries: Vec<_> = [topic, path, plus, unit].into_iter().flatten().collect();
                 format!("{{ {} }}", entries.join(", "))
             }
         }
@@ -166,8 +202,27 @@ fn is_accel(name: &str) -> bool {
         || words.iter().any(|word| name.contains(word)) && !["ang", "cov", "bias"].iter().any(|w| name.contains(w))
 }
 
+/// Whether gravity was taken out of it, by its name.
+fn is_without_gravity(name: &str) -> bool {
+    name.contains("useracc") || name.contains("user_acc")
+}
+
 fn is_gyro(name: &str) -> bool {
-    let words = ["gyr", "angular_vel", "angular_rate", "angularvel", "angularrate", "ang_vel", "omega"];
+    let words = [
+        "gyr",
+        "angular_vel",
+        "angular_rate",
+        "angularvel",
+        "angularrate",
+        "ang_vel",
+        "omega",
+        "rotationrate",
+        "rotation_rate",
+        "rot_rate",
+        "turn_rate",
+        "turnrate",
+        "body_rate",
+    ];
     let others = ["cov", "bias", "acc"];
     matches!(name, "g" | "w")
         || words.iter().any(|word| name.contains(word)) && !others.iter().any(|w| name.contains(w))

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Stamp;
-use crate::imu::config::{AccelUnit, RateUnit};
+use crate::imu::config::AccelUnit;
 use crate::imu::sample::{Sample, Sensor};
 
 /// The first readings of a triad.
@@ -17,8 +17,8 @@ pub enum UnitGuess {
     Right,
     /// In another unit that can be configured.
     Accel(AccelUnit),
-    /// In another unit that can be configured.
-    Rate(RateUnit),
+    /// Of a gyroscope: it may be turning, or in another unit.
+    Unconfirmed,
     /// In thousandths of a unit: of m/s² or of g.
     Thousandths(AccelUnit),
     /// Nothing can be told: too few readings, or never at rest.
@@ -83,7 +83,7 @@ impl FirstReadings {
         }
         // No gyroscope turns at more than 4000 °/s, nor has it an offset of 20 °/s (0.35 rad/s) at rest.
         let largest = self.0.iter().map(|sample| sample.value.norm()).fold(0.0, f64::max);
-        if largest > 70.0 || rest > 0.35 { UnitGuess::Rate(RateUnit::DegreesPerSecond) } else { UnitGuess::Unknown }
+        if largest > 70.0 || rest > 0.35 { UnitGuess::Unconfirmed } else { UnitGuess::Unknown }
     }
 
     /// Whether two sensors seem to take turns: each reading is far from the one before, and near the one before that.
@@ -175,12 +175,12 @@ mod tests {
     }
 
     #[test]
-    fn a_gyroscope_in_degrees_is_told_by_its_offset_or_its_turns() {
-        let degrees = UnitGuess::Rate(RateUnit::DegreesPerSecond);
-        assert_eq!(peek(|i| [0.6, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), degrees);
+    fn the_unit_of_a_gyroscope_that_reads_much_is_unconfirmed() {
+        let unconfirmed = UnitGuess::Unconfirmed;
+        assert_eq!(peek(|i| [0.6, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), unconfirmed);
         assert_eq!(
             peek(|i| [if i > 900.0 { 90.0 } else { 0.01 }, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope),
-            degrees
+            unconfirmed
         );
         assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), UnitGuess::Unknown);
     }

@@ -124,6 +124,15 @@ pub enum SchemaError {
     /// The channel has no schema.
     #[error("the channel has no schema, which the encoding {0} cannot be read without")]
     Missing(String),
+    /// The schema defines nothing.
+    #[error(
+        "the schema {name} is empty: its recorder did not find the definition; record where the package is installed, or \
+         give the recording its schema"
+    )]
+    Empty {
+        /// Of the schema.
+        name: String,
+    },
     /// The schema is not text.
     #[error("the schema {name} is not UTF-8 at byte {offset}")]
     NotText {

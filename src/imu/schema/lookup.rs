@@ -228,7 +228,8 @@ const MAX_PATHS: usize = 4096;
 /// The candidate that is spelt most like `wanted`, the first of several.
 pub(in crate::imu) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
     let mut best = None;
-    for candidate in candidates {
+    // What rosidl puts into a message without fields is nobody's field.
+    for candidate in candidates.into_iter().filter(|name| !name.ends_with("structure_needs_at_least_one_member")) {
         let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);
         if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
             best = Some((score, candidate));

@@ -55,6 +55,14 @@ impl FieldPath {
         Self(segments)
     }
 
+    /// As it is called in a sentence.
+    pub(in crate::imu) fn called(&self) -> String {
+        match self.0.is_empty() {
+            true => "\"\", the message itself".to_owned(),
+            false => format!("`{self}`"),
+        }
+    }
+
     /// The last name; empty for the message itself.
     pub(in crate::imu) fn name(&self) -> &str {
         self.0.last().map_or("", |segment| &segment.name)

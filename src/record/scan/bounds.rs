@@ -7,7 +7,7 @@ use mcap::MAGIC;
 use super::Scan;
 use super::search::Search;
 use crate::record::horizon::{Frame, Stop};
-use crate::record::shape::{Measure, begins, end, fits, head, is_defined, measure};
+use crate::record::shape::{Measure, SPARE, begins, end, fits, head, is_defined, measure};
 use crate::record::wire::{FRAME, Fields, op};
 
 /// How far ahead a record's end is looked for, in bytes (16 MiB).
@@ -46,7 +46,7 @@ impl Scan {
         // A record may be longer than its content, but hardly so that records stand where the content ends.
         if let Measure::Says(length) = content
             && length < frame.length
-            && self.goes_on_at(ends(length))?
+            && self.chain_at(ends(length))?
         {
             return Ok(Bounds::Ends(ends(length)));
         }
@@ -57,6 +57,12 @@ impl Scan {
         if follows {
             let sound = fits(frame.opcode, frame.length);
             return Ok(if sound { Bounds::Sound } else { Bounds::Ends(frame.end()) });
+        }
+        if let Measure::Says(length) = content
+            && length < frame.length
+            && self.is_cut_off_at(ends(length))?
+        {
+            return Ok(Bounds::Ends(ends(length)));
         }
         let beyond = match content {
             Measure::Needs(_) => self.measured(frame, REACH)?,
@@ -141,7 +147,7 @@ impl Scan {
         let Some((opcode, length)) = head(seen) else { return Ok(!seen.is_empty() && begins(seen)) };
         let body = seen.get(FRAME..).unwrap_or_default();
         let agrees = match measure(opcode, body) {
-            Measure::Says(measured) => measured == length,
+            Measure::Says(measured) => measured <= length && length - measured <= SPARE,
             Measure::Needs(_) => true,
             Measure::Silent => false,
         };

@@ -9,7 +9,7 @@ use super::{Scan, Stage, Step};
 use crate::record::chunk::{LIMIT, knows};
 use crate::record::horizon::{Frame, Stop};
 use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
-use crate::record::shape::{Measure, end, fits, head};
+use crate::record::shape::{Measure, SPARE, end, fits, head};
 use crate::record::wire::{FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 
@@ -234,8 +234,12 @@ impl Scan {
             op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END | op::FOOTER => {}
             _ => return Ok(false),
         }
-        if self.measured(frame, frame.length)? != Measure::Says(frame.length) {
-            return Ok(false);
+        match self.measured(frame, frame.length)? {
+            Measure::Says(length) if length == frame.length => {}
+            // Fields that are not known may follow, if a record does.
+            Measure::Says(length)
+                if length < frame.length && frame.length - length <= SPARE && self.chain_at(frame.end())? => {}
+            _ => return Ok(false),
         }
         let most = if matches!(frame.opcode, op::CHUNK | op::ATTACHMENT) { HEAD } else { REACH };
         let body = self.horizon.body(frame, most)?;

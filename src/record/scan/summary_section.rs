@@ -110,9 +110,30 @@ impl Scan {
         contradictions
     }
 
+    /// Bytes behind the closing magic, which no reader looks at.
+    fn behind_the_end(&mut self) -> Result<(), Stop> {
+        let end = self.horizon.offset() + MAGIC.len() as u64;
+        let left = self.horizon.extent().length.saturating_sub(end);
+        if left == 0 {
+            return Ok(());
+        }
+        let seen = left.min(MAGIC.len() as u64) as usize;
+        let what = match self.horizon.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+            Some(MAGIC) => format!(
+                "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
+                 annotate both",
+                end + 1
+            ),
+            _ => format!("{left} bytes behind the end of the recording, which are not read"),
+        };
+        self.damage(end, left, what);
+        Ok(())
+    }
+
     pub(super) fn end_magic(&mut self) -> Result<(), Stop> {
         match self.horizon.peek(MAGIC.len()) {
             Ok(found) if found == MAGIC => {
+                self.behind_the_end()?;
                 self.inventory.finished = true;
                 self.queue.push_back(Step::End);
                 self.stage = Stage::Done;

@@ -21,7 +21,7 @@ pub(super) struct Autopilot {
     /// A line of the file; `true` for an integer.
     line: fn(&str, f64, bool) -> String,
     /// Parameters that turn the board, which stands between raw and corrected readings.
-    rotation: &'static str,
+    rotation: &'static [&'static str],
     notes: &'static [&'static str],
 }
 
@@ -32,6 +32,8 @@ pub(in crate::report) struct Names {
     pub(in crate::report) gyro_offset: String,
     accel_id: String,
     gyro_id: String,
+    /// Of the sensor against the board, applied after offset and scale; −1 and 0 turn nothing.
+    pub(in crate::report) rotations: Vec<String>,
 }
 
 pub(super) static PX4: Autopilot = Autopilot {
@@ -41,7 +43,7 @@ pub(super) static PX4: Autopilot = Autopilot {
         true => format!("1\t1\t{name}\t{value}\t6\n"),
         false => format!("1\t1\t{name}\t{}\t9\n", rounded(value)),
     },
-    rotation: "SENS_BOARD_ROT",
+    rotation: &["SENS_BOARD_ROT", "SENS_BOARD_X_OFF", "SENS_BOARD_Y_OFF", "SENS_BOARD_Z_OFF"],
     notes: &[
         "convention: PX4 src/lib/sensor_calibration/Accelerometer.hpp, Gyroscope.hpp (Correct)",
         "vehicle, component, name, value, type, as QGroundControl loads them",
@@ -55,7 +57,7 @@ pub(super) static ARDUPILOT: Autopilot = Autopilot {
         true => format!("{name},{value}\n"),
         false => format!("{name},{}\n", rounded(value)),
     },
-    rotation: "AHRS_ORIENTATION",
+    rotation: &["AHRS_ORIENTATION"],
     notes: &[
         "convention: ArduPilot libraries/AP_InertialSensor/AP_InertialSensor_Backend.cpp (_rotate_and_correct_accel)",
         "ArduPilot learns INS_GYROFFS at each start unless INS_GYR_CAL is 0",
@@ -70,6 +72,7 @@ pub(in crate::report) fn px4(slot: u8) -> Option<Names> {
         gyro_offset: format!("CAL_GYRO{slot}_*OFF"),
         accel_id: format!("CAL_ACC{slot}_ID"),
         gyro_id: format!("CAL_GYRO{slot}_ID"),
+        rotations: vec![format!("CAL_ACC{slot}_ROT"), format!("CAL_GYRO{slot}_ROT")],
     })
 }
 
@@ -90,6 +93,7 @@ pub(in crate::report) fn ardupilot(slot: u8) -> Option<Names> {
         gyro_offset: of(offset, "GYR"),
         accel_id: of(id, "ACC"),
         gyro_id: of(id, "GYR"),
+        rotations: Vec::new(),
     })
 }
 
@@ -200,8 +204,11 @@ fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Rea
 }
 
 fn composed(autopilot: &Autopilot, names: &Names, parameters: &Parameters) -> Result<InForce, ExportError> {
-    let rotation = autopilot.rotation;
-    if parameters.get(rotation).is_some_and(|value| value != 0.0) {
+    let of_board = autopilot.rotation.iter().map(|&name| name.to_owned());
+    let turns =
+        |name: &String| parameters.get(name).is_some_and(|value| value > 0.0 || value < -1.0 || value.fract() != 0.0);
+    let rotation = of_board.chain(names.rotations.clone()).find(turns);
+    if let Some(rotation) = rotation {
         return Err(ExportError::Refused(format!(
             "{rotation} turns the readings after their correction: calibrate a recording of the raw ones, with --raw"
         )));

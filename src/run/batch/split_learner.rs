@@ -1,5 +1,7 @@
 //! Learning from a recording, split by split, and keeping what is to be written behind each.
 
+use std::collections::BTreeSet;
+
 use super::Options;
 use super::annotated_writer::Kept;
 use crate::Error;
@@ -25,8 +27,12 @@ pub(super) struct Lesson<'a> {
 }
 
 impl<'a> Lesson<'a> {
-    pub(super) fn new(input: &'a Input, config: &Config, options: Options) -> Self {
+    pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<BTreeSet<u16>>) -> Self {
         let learner = Learner::new(config);
+        let learner = match order {
+            Some(channels) => learner.in_time_order(channels),
+            None => learner,
+        };
         Self { input, learner, options, done: 0, messages: 0, contents: Vec::new() }
     }
 
@@ -57,7 +63,7 @@ impl<'a> Lesson<'a> {
         listening.keep()?;
         let Listening { learner, mut contents, .. } = listening;
         if is_last && !self.options.allow_no_imu && !learner.has_imu() {
-            return Err(no_imu(input.path(), learner.sources()));
+            return Err(no_imu(input.path(), learner.sources(), &learner.obstacles()));
         }
 
         self.messages += inventory.channels().keys().map(|&id| inventory.messages(id)).sum::<u64>();

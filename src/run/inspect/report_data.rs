@@ -1,5 +1,7 @@
 //! What a report is made of: the timelines of a recording's IMUs. Nothing that was annotated is fitted again.
 
+use std::collections::BTreeSet;
+
 use crate::Error;
 use crate::config::{Config, Layer};
 use crate::pipeline::learner::Learner;
@@ -28,12 +30,25 @@ pub struct ReportData {
 ///
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
 pub fn report_data(input: &Input, config: &Config, watch: Watch<'_>) -> Result<ReportData, Error> {
+    report_data_in_order(input, config, watch, None)
+}
+
+/// The same, with messages of these channels in the order of their log times.
+fn report_data_in_order(
+    input: &Input,
+    config: &Config,
+    watch: Watch<'_>,
+    order: Option<BTreeSet<u16>>,
+) -> Result<ReportData, Error> {
     let settings = input.settings()?.and_then(|mut settings| settings.remove("configuration"));
     // A configuration that another version wrote may not be understood; it is shown all the same.
     let used = settings.as_ref().and_then(|text| Config::load(&[Layer::file("the recording", text)]).ok());
     let config = used.as_ref().unwrap_or(config);
     let mut timelines = Timelines::new(config, settings.is_some());
-    let mut learner = settings.is_none().then(|| Learner::new(config));
+    let mut learner = settings.is_none().then(|| match order {
+        Some(channels) => Learner::new(config).in_time_order(channels),
+        None => Learner::new(config),
+    });
     let mut splits = input.split_names();
     learner.iter_mut().for_each(|learner| learner.begin_split(splits.next(), true));
     input.scan(watch, |read| {
@@ -55,11 +70,14 @@ pub fn report_data(input: &Input, config: &Config, watch: Watch<'_>) -> Result<R
         learner.iter_mut().for_each(|learner| timelines.learned(learner));
         Ok(())
     })?;
+    if let Some(apart) = learner.as_ref().and_then(Learner::apart) {
+        return report_data_in_order(input, config, watch, Some(apart));
+    }
     if let Some(mut learner) = learner {
         learner.close(&mut |_| {});
         timelines.learned(&mut learner);
         if !learner.has_imu() {
-            return Err(no_imu(input.path(), learner.sources()));
+            return Err(no_imu(input.path(), learner.sources(), &learner.obstacles()));
         }
         timelines.notes.extend(learner.finish(&mut |_| {}).notes);
     }

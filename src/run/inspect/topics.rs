@@ -1,11 +1,13 @@
 //! What the channels of a recording are, and what each would be used for. What a look at their first messages shows is
 //! left to [`remarks`].
 
+mod rate;
 mod remarks;
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
+use self::rate::Rate;
 use self::remarks::peek;
 use crate::Error;
 use crate::Stamp;
@@ -44,6 +46,8 @@ pub struct Use {
     pub messages: u64,
     /// Whose stamps are times of the recording.
     pub stamped: Stamped,
+    /// Messages a second, by the median of their log times; `None` where there are too few to tell.
+    pub hz: Option<f64>,
     /// What its first messages show, one line each.
     pub remarks: Vec<String>,
     /// What would map it, or map it better.
@@ -77,7 +81,7 @@ impl Channels {
 
     /// Messages a second on a channel; `None` where there are too few to tell.
     pub fn rate(&self, of: &Use) -> Option<f64> {
-        (of.messages > 1 && self.seconds > 0.0).then(|| (of.messages - 1) as f64 / self.seconds)
+        of.hz.filter(|_| of.messages > 1)
     }
 }
 
@@ -150,6 +154,10 @@ fn look_through(
     };
     let mut channels = look.uses(&counts);
     peek(recording, config, watch, &mut channels)?;
+    for used in &mut channels {
+        // One that begins later, where all was read.
+        used.hz = used.hz.or_else(|| look.rates.get(&used.channel.id).and_then(Rate::hz));
+    }
     let notes = look.sources.missing();
     Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
@@ -174,18 +182,19 @@ fn head(recording: &Recording, watch: Watch<'_>, mut each: impl FnMut(Event<'_>)
 /// Learns what the channels are.
 struct Look {
     sources: Sources,
+    rates: BTreeMap<u16, Rate>,
 }
 
 impl Look {
     fn new(config: &Config) -> Self {
-        Self { sources: Sources::new(config) }
+        Self { sources: Sources::new(config), rates: BTreeMap::new() }
     }
 
     fn take(&mut self, event: Event<'_>) {
         self.sources.take(&event);
-        if let Event::Message(message) = event
-            && let Some(message) = self.sources.wanted(message)
-        {
+        let Event::Message(message) = event else { return };
+        self.rates.entry(message.channel).or_default().push(message.log_time);
+        if let Some(message) = self.sources.wanted(message) {
             self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
         }
     }
@@ -210,6 +219,7 @@ impl Look {
             verdict: verdict.clone(),
             messages: counts.get(&entry.channel.id).copied().unwrap_or_default(),
             stamped: Stamped::default(),
+            hz: None,
             remarks: Vec::new(),
             configuration: match verdict {
                 ChannelRole::Other { suggestion: Some(suggestion), .. } => Some(suggestion.config(primary)),

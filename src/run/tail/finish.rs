@@ -46,7 +46,7 @@ impl Shell<'_> {
         let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
         let (length, remains) = (course.offset(), course.remains(ending)?);
         let Course { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
-        let useless = (!learner.has_imu()).then(|| no_imu(trail.path(), learner.sources()));
+        let useless = (!learner.has_imu()).then(|| no_imu(trail.path(), learner.sources(), &learner.obstacles()));
         let learned = learner.finish(tell);
         let here = Split {
             name: String::new(),
@@ -64,6 +64,7 @@ impl Shell<'_> {
             // what is corrected by the last calibration is written by it alone.
             Remains::Same(input)
                 if learned.damages > 0
+                    || learned.apart
                     || !input.blank().is_empty()
                     || self.config.output.corrected == Corrected::Final =>
             {

@@ -3,6 +3,7 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::rate::Rate;
 use super::{Look, Stamped, Use, head};
 use crate::config::Config;
 use crate::imu::{AccelUnit, FirstReadings, ImuConfig, Reading, Relation, Sensor, UnitGuess};
@@ -27,11 +28,13 @@ pub(super) fn peek(
     let mut stamped = BTreeMap::new();
     // Of the readings that are looked at, those that have not shown enough.
     let mut open = BTreeSet::new();
+    let mut rates: BTreeMap<u16, Rate> = BTreeMap::new();
     head(recording, watch, |event| {
         let Event::Message(message) = event else {
             look.take(event);
             return false;
         };
+        rates.entry(message.channel).or_default().push(message.log_time);
         let mut measured = None;
         look.sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
@@ -57,6 +60,7 @@ pub(super) fn peek(
     })?;
     for used in channels.iter_mut() {
         used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
+        used.hz = rates.get(&used.channel.id).and_then(Rate::hz);
     }
     let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
         let triads = &look.sources.intake.imus().get(imu)?.triads;
@@ -103,6 +107,10 @@ fn remark_on_unit(Peeked { sensor, peek, .. }: &Peeked, config: &Config, used: &
         let turns = "each reading is far from the one before and near the one before that: two sensors take turns; give them topics, or frame_ids, of their own";
         used.remarks.push(says(turns.to_owned()));
     }
+    let is_set = config
+        .imu
+        .iter()
+        .any(|imu| imu.gyro.as_ref().is_some_and(|gyro| gyro.topic.as_ref().unwrap_or(&imu.topic) == topic));
     let remark = match peek.looks(*sensor) {
         UnitGuess::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
         UnitGuess::Right => return,
@@ -113,10 +121,11 @@ fn remark_on_unit(Peeked { sensor, peek, .. }: &Peeked, config: &Config, used: &
                 "reads {rest:.2} at rest: not m/s² but g, or the other way round; the lines below say {unit_name}"
             ))
         }
-        UnitGuess::Rate(unit) => {
-            set_unit(used, config, |imu| imu.gyro.get_or_insert_default().unit = unit);
-            says(format!("reads {rest:.2} at rest: too much for rad/s; the lines below say deg/s"))
-        }
+        UnitGuess::Unconfirmed if is_set => return,
+        UnitGuess::Unconfirmed => says(format!(
+            "reads {rest:.2} where it is quietest: the unit is unconfirmed, a turn and a wrong unit look alike; turns between \
+             two rests tell (annotate), or set gyro = {{ unit = \"…\" }}"
+        )),
         UnitGuess::Thousandths(unit) => {
             let unit = if unit == AccelUnit::StandardGravity { "g" } else { "m/s²" };
             says(format!(

@@ -1,0 +1,152 @@
+//! Readings of one IMU in the order of their stamps, where they come a little late.
+//!
+//! Nothing is held back while all come in order, but for the first second, lest the first late ones are lost.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use super::Read;
+use crate::imu::sample::{Reading, Sample};
+
+/// After so many readings in order, none is held back any more.
+const CALM: u32 = 200;
+/// So many readings in a row that are later than is waited for are a clock that was set back.
+const PATIENCE: u32 = 5;
+/// Readings that are held back at most, by sensor.
+const MOST_HELD: usize = 1 << 14;
+
+/// Holds readings back until all that may be earlier have come.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Order {
+    late_nanos: i64,
+    holds: bool,
+    /// Whether a reading was late.
+    ever: bool,
+    calm: u32,
+    /// By sensor.
+    queues: Vec<HeldBack>,
+    count: u64,
+    /// Largest log time of what was let go: what is learned was known no earlier.
+    log_time: u64,
+    moved: u64,
+    lost: u64,
+}
+
+/// Readings of one sensor that are held back, in order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct HeldBack {
+    /// The latest stamp, ns.
+    newest: Option<i64>,
+    behind: u32,
+    /// Stamp, and number of the reading.
+    held: VecDeque<(i64, u64, Read)>,
+}
+
+impl Order {
+    pub(super) fn new(late_nanos: i64) -> Self {
+        Self {
+            late_nanos,
+            holds: late_nanos > 0,
+            ever: false,
+            calm: 0,
+            queues: Vec::new(),
+            count: 0,
+            log_time: 0,
+            moved: 0,
+            lost: 0,
+        }
+    }
+
+    /// Takes a reading.
+    pub(super) fn pass(&mut self, read: Read, sink: &mut impl FnMut(Read)) {
+        let (_, sensor, reading) = read;
+        if self.queues.len() <= sensor.index() {
+            self.queues.resize_with(sensor.index() + 1, HeldBack::default);
+        }
+        let Some(queue) = self.queues.get_mut(sensor.index()) else { return };
+        let stamp = match reading {
+            Reading::Sample(sample) => sample.stamp,
+            Reading::Clipped(stamp) | Reading::NewRound { stamp, .. } => stamp,
+        };
+        let stamp = stamp.nanos();
+        let newest = queue.newest.unwrap_or(stamp);
+        let late = newest.saturating_sub(stamp);
+        if late > self.late_nanos {
+            // Not late, but another time: nothing that is held back belongs behind it.
+            queue.behind += 1;
+            if queue.behind >= PATIENCE {
+                (queue.newest, queue.behind) = (Some(stamp), 0);
+            }
+            self.let_go(None, sink);
+            return self.tell(read, sink);
+        }
+        queue.behind = 0;
+        queue.newest = Some(newest.max(stamp));
+        if late > 0 {
+            match self.holds {
+                true => self.moved += u64::from(matches!(reading, Reading::Sample(_))),
+                false => self.lost += 1,
+            }
+            (self.ever, self.holds, self.calm) = (true, self.late_nanos > 0, 0);
+        }
+        if !self.holds {
+            return self.tell(read, sink);
+        }
+        self.count += 1;
+        let at = queue.held.iter().rposition(|&(held, ..)| held <= stamp).map_or(0, |at| at + 1);
+        queue.held.insert(at, (stamp, self.count, read));
+        let until = match queue.held.len() > MOST_HELD {
+            true => newest,
+            false => newest.max(stamp).saturating_sub(self.late_nanos),
+        };
+        self.calm += 1;
+        if self.calm >= CALM && !self.ever {
+            self.holds = false;
+            return self.let_go(None, sink);
+        }
+        self.let_go(Some(until), sink);
+    }
+
+    /// The recording has ended.
+    pub(super) fn finish(&mut self, sink: &mut impl FnMut(Read)) {
+        self.let_go(None, sink);
+    }
+
+    /// What was done, in words.
+    pub(super) fn remark(&self) -> Option<String> {
+        let ms = self.late_nanos as f64 * 1e-6;
+        (self.moved + self.lost > 0).then(|| {
+            let lost = match self.lost {
+                0 => String::new(),
+                lost => format!("; {lost} came before that was expected, and are dropped"),
+            };
+            format!("{} readings came late by up to {ms} ms (still.late_s) and were sorted in{lost}", self.moved)
+        })
+    }
+
+    /// Lets go of what is no later than a stamp, in order, or of everything.
+    fn let_go(&mut self, until: Option<i64>, sink: &mut impl FnMut(Read)) {
+        loop {
+            let front = |queue: &HeldBack| queue.held.front().map(|&(stamp, number, _)| (stamp, number));
+            let heads = self.queues.iter().enumerate().filter_map(|(i, queue)| Some((front(queue)?, i)));
+            let Some(((stamp, _), i)) = heads.min() else { return };
+            if until.is_some_and(|until| stamp > until) {
+                return;
+            }
+            let Some((.., read)) = self.queues.get_mut(i).and_then(|queue| queue.held.pop_front()) else { return };
+            self.tell(read, sink);
+        }
+    }
+
+    fn tell(&mut self, (imu, sensor, reading): Read, sink: &mut impl FnMut(Read)) {
+        let reading = match reading {
+            Reading::Sample(sample) if self.ever => {
+                self.log_time = self.log_time.max(sample.log_time);
+                Reading::Sample(Sample { log_time: self.log_time, ..sample })
+            }
+            reading => reading,
+        };
+        sink((imu, sensor, reading));
+    }
+}

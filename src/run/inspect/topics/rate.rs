@@ -1,0 +1,58 @@
+//! Rate of a channel by the log times of its own messages.
+
+/// Intervals between messages.
+#[derive(Default)]
+pub(super) struct Rate {
+    last: Option<u64>,
+    intervals: Vec<u64>,
+}
+
+/// So many intervals make a rate.
+const MOST: usize = 1000;
+
+impl Rate {
+    /// Takes the log time of a message.
+    pub(super) fn push(&mut self, log_time: u64) {
+        let last = self.last.replace(log_time);
+        if let Some(interval) = last.and_then(|last| log_time.checked_sub(last)).filter(|_| self.intervals.len() < MOST)
+        {
+            self.intervals.push(interval);
+        }
+    }
+
+    /// Messages a second: by the median interval or, where messages come in bursts, by the mean without the gaps.
+    pub(super) fn hz(&self) -> Option<f64> {
+        let mut sorted = self.intervals.clone();
+        sorted.sort_unstable();
+        let median = *sorted.get(sorted.len() / 2)?;
+        // The longest are gaps.
+        let within = sorted.get(..sorted.len() - sorted.len() / 50)?;
+        let mean = within.iter().sum::<u64>() as f64 / within.len() as f64;
+        let typical = if mean > 2.0 * median as f64 && within.len() > 8 { mean } else { median as f64 };
+        (typical > 0.0).then(|| 1e9 / typical)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hz(log_times: impl IntoIterator<Item = u64>) -> Option<f64> {
+        let mut rate = Rate::default();
+        log_times.into_iter().for_each(|log_time| rate.push(log_time));
+        rate.hz()
+    }
+
+    #[test]
+    fn a_rate_is_that_of_the_topic_whatever_the_recording_spans() {
+        let regular = |from: u64| (0..500).map(move |i| from + i * 10_000_000);
+        assert_eq!(hz(regular(0)), Some(100.0));
+        assert_eq!(hz([0].into_iter().chain(regular(1 << 60))), Some(100.0));
+        let with_a_pause = regular(1 << 60).chain(regular((1 << 60) + 3_600_000_000_000));
+        assert_eq!(hz(with_a_pause), Some(100.0));
+        let bursts = (0..500).map(|i: u64| i / 10 * 100_000_000 + i % 10 * 1000);
+        assert!(hz(bursts).is_some_and(|hz| (80.0..125.0).contains(&hz)));
+        assert_eq!(hz([5]), None);
+        assert_eq!(hz([5, 5]), None);
+    }
+}
