@@ -32,7 +32,7 @@ pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Er
             let why = obstacles.join("; ");
             return Error::unfit(
                 path,
-                format!("no usable IMU topic: none of the recording's topics can be read: {why}"),
+                format!("no usable IMU topic: the recording has no topics at all that can be read: {why}"),
             );
         }
         (topics, 0) => topics.join(", "),
