@@ -204,10 +204,10 @@ fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Rea
 }
 
 fn composed(autopilot: &Autopilot, names: &Names, parameters: &Parameters) -> Result<InForce, ExportError> {
-    let of_board = autopilot.rotation.iter().map(|&name| name.to_owned());
-    let turns =
-        |name: &String| parameters.get(name).is_some_and(|value| value > 0.0 || value < -1.0 || value.fract() != 0.0);
-    let rotation = of_board.chain(names.rotations.clone()).find(turns);
+    let is = |name: &str, none: &[f64]| parameters.get(name).is_some_and(|value| !none.contains(&value));
+    let of_board = autopilot.rotation.iter().copied().find(|name| is(name, &[0.0]));
+    let of_sensor = names.rotations.iter().map(String::as_str).find(|name| is(name, &[-1.0, 0.0]));
+    let rotation = of_board.or(of_sensor);
     if let Some(rotation) = rotation {
         return Err(ExportError::Refused(format!(
             "{rotation} turns the readings after their correction: calibrate a recording of the raw ones, with --raw"

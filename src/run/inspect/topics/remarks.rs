@@ -98,7 +98,7 @@ struct Peeked {
 }
 
 /// Says in which unit a triad seems to be, and puts it into the configuration that is offered.
-fn remark_on_unit(Peeked { sensor, peek, .. }: &Peeked, config: &Config, used: &mut Use) {
+fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, used: &mut Use) {
     let Some(rest) = peek.at_rest() else { return };
     let name = if *sensor == Sensor::Gyroscope { "gyroscope" } else { "accelerometer" };
     let offered = used.configuration.is_some();
