@@ -46,6 +46,7 @@ mod rest_history;
 mod rest_judge;
 mod solution;
 mod solve;
+mod status;
 mod turning;
 
 use std::collections::BTreeSet;

@@ -4,7 +4,8 @@ use super::config::Config;
 use super::drift::Drift;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
-use super::solution::{CONFIRMING_REPEATS, Missing, Solution};
+use super::solution::{Missing, Solution};
+use super::status::Unconfirmed;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation, Source};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
@@ -13,7 +14,7 @@ use crate::messages::{self, Face, Segment, Triad, Vector3};
 use crate::still::{self, Segmenter, State};
 
 /// The operator's next step.
-pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status: Status) -> String {
+pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirmed: Result<(), Unconfirmed>) -> String {
     let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
     let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
     match (&solution.missing, &solution.accelerometer) {
@@ -23,7 +24,7 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
         }
         _ => {}
     }
-    match (missing.as_slice(), &solution.accelerometer, status) {
+    match (missing.as_slice(), &solution.accelerometer, confirmed) {
         ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
             format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
         }
@@ -37,33 +38,45 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, status:
         ([], Ok(_), _) if solution.drift.is_some() => {
             solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
         }
-        ([], Ok(_), Status::Confirmed) => "done: repeated placements agree".to_owned(),
-        ([], Ok(fit), _) => unconfirmed(fit, solution),
+        ([], Ok(_), Ok(())) => "done: repeated placements agree".to_owned(),
+        ([], Ok(fit), Err(why)) => unconfirmed(fit, solution, why),
     }
 }
 
 /// What would confirm a provisional calibration.
-fn unconfirmed(fit: &Estimate, solution: &Solution) -> String {
-    let repeats = CONFIRMING_REPEATS.saturating_sub(solution.repeats);
-    match (fit.shape, repeats) {
-        (Parameterisation::FULL_ACCELEROMETER, _) => {
+fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String {
+    let others = solution.unchecked.len().saturating_sub(1);
+    let more = if others > 0 { format!(" (and {others} more after it)") } else { String::new() };
+    match (why, solution.unchecked.first(), fit.shape) {
+        (Unconfirmed::AtBound, ..) => {
+            "a parameter stands at its bound, so the bound and not the data made it: check fit.bounds and the preset".to_owned()
+        }
+        (Unconfirmed::Unchecked, Some(face), Parameterisation::TRIANGULAR) => format!(
+            "let it rest once more near {face}{more}: a wrong rest there would not show, and could hide an error of {:.2} m/s²",
+            fit.hidden_error(solution.gravity.value)
+        ),
+        (Unconfirmed::Unchecked, Some(face), _) => format!(
+            "lift it and place {face} up once more{more}: a wrong placement there would not show, and could hide an error of \
+             {:.2} m/s²",
+            fit.hidden_error(solution.gravity.value)
+        ),
+        (_, _, Parameterisation::FULL_ACCELEROMETER) => {
             "the readings follow the reference less evenly than noise would: check its time stamps, and that both are fixed to \
              each other"
                 .to_owned()
         }
-        (Parameterisation::TRIANGULAR, 0) => {
+        (_, _, Parameterisation::TRIANGULAR) => {
             "the rests disagree by more than placements do: let it rest in further directions, on a firm surface".to_owned()
         }
-        (Parameterisation::TRIANGULAR, 1) => {
-            "let it rest in one more direction, so that it can confirm the calibration".to_owned()
-        }
-        (Parameterisation::TRIANGULAR, _) => {
-            format!("let it rest in {repeats} more directions, so that they can confirm the calibration")
-        }
-        (_, 0) => "repeated placements disagree: place every face once more on a flat, firm surface".to_owned(),
-        (_, 1) => "place another face once more, so that repeats can confirm the calibration".to_owned(),
-        (_, _) => format!("place any {repeats} faces once more, so that repeats can confirm the calibration"),
+        _ => "repeated placements disagree: place every face once more on a flat, firm surface".to_owned(),
     }
+}
+
+/// That rests were left out of a gyroscope's bias as turns.
+pub(super) fn some_turned(count: usize) -> String {
+    format!(
+        "{count} rests turned at a constant rate and are left out: let it rest where nothing turns to confirm its bias"
+    )
 }
 
 /// A rest that did not enter the fit.
@@ -253,7 +266,7 @@ pub(super) fn assumed_gravity(gravity: Gravity) -> String {
         Source::FixTopic => "of the recorded position: set fit.gravity",
         Source::Standard => "assumed: set fit.gravity or fit.latitude_deg",
     };
-    format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.std)
+    format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.half_interval())
 }
 
 fn triad(triad: &Triad) -> String {

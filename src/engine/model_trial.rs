@@ -11,8 +11,8 @@ use super::refusal::{Refusal, held_back};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::{Givens, per_axis};
-use crate::fit::accelerometer::Assumptions;
-use crate::fit::{Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
+use crate::fit::accelerometer::{Assumptions, Observation};
+use crate::fit::{Bounds, Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
 use crate::messages::segment::Reason;
 
 /// What to try.
@@ -141,19 +141,21 @@ fn fit_accelerometer(
         bounds: &config.bounds,
         start,
     };
-    let observations = || seen.iter().map(|placed| placed.observation).collect::<Vec<_>>();
     let alone = |fit| Sound { fit, left_out: Vec::new(), doubts: Vec::new() };
     let sound = match (shape, config.loss) {
         (Parameterisation::MATRIX, _) => {
-            known_poses::fit(&observations(), &given, config.fixture.accuracy_deg.to_radians()).map(alone)
+            known_poses::fit(&observed(seen), &given, config.fixture.accuracy_deg.to_radians()).map(alone)
         }
         // Under Huber's loss what contradicts is kept, and counts little.
-        (_, Loss::Huber) => accelerometer::fit(&observations(), &given).map(alone),
+        (_, Loss::Huber) => accelerometer::fit(&observed(seen), &given).map(alone),
         (_, Loss::Square) => outliers::fit_without(seen, &given, judge.fixture),
     };
-    let sound = sound?;
+    let sound = sound.map_err(|error| beyond_bounds(&observed(seen), &given).unwrap_or(Refusal::Unsolved(error)))?;
     let fit = &sound.fit;
     if !fit.agrees() {
+        if let Some(refusal) = beyond_bounds(&observed(seen), &given) {
+            return Err(refusal);
+        }
         let (rms, limit, at_bounds) = (fit.residual_rms, fit.residual_limit, held_back(fit));
         return Err(match shape {
             Parameterisation::MATRIX => Refusal::InaccurateFixture { rms, limit, at_bounds },
@@ -161,12 +163,34 @@ fn fit_accelerometer(
         });
     }
     let limit = config.max_error * if kept { HYSTERESIS } else { 1.0 };
-    let worst = fit.worst_case_error(gravity.value);
+    let worst = fit.direction_error(gravity.value);
     let credible = worst <= limit;
     if shape == Parameterisation::TRIANGULAR && !credible {
         return Err(Refusal::Weak { worst, limit, condition: fit.condition });
     }
     Ok(sound)
+}
+
+fn observed(seen: &[Placed]) -> Vec<Observation> {
+    seen.iter().map(|placed| placed.observation).collect()
+}
+
+/// The parameters that explain the placements well, were it not for the bounds.
+fn beyond_bounds(observations: &[Observation], given: &Assumptions<'_>) -> Option<Refusal> {
+    if given.shape == Parameterisation::MATRIX {
+        return None;
+    }
+    let free = Bounds::none();
+    let fit =
+        accelerometer::fit(observations, &Assumptions { bounds: &free, ..*given }).ok().filter(Estimate::agrees)?;
+    let terms = given.shape.terms().iter().zip(&fit.parameters);
+    let beyond = terms.filter_map(|(term, value)| {
+        let [low, high] = given.bounds.accelerometer(*term);
+        let outside = !(low..=high).contains(value);
+        outside.then(|| format!("{} would be {value:.3}, beyond its bounds {low} to {high}", term.name()))
+    });
+    let beyond: Vec<_> = beyond.collect();
+    (!beyond.is_empty()).then_some(Refusal::BeyondBounds(beyond))
 }
 
 /// A model that was published stays until its worst-case error exceeds the limit by this factor.

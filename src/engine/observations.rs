@@ -63,7 +63,7 @@ pub(super) fn placements(entries: &[JudgedRest], judge: &Judge<'_>, poses: Poses
         .into_iter()
         .filter_map(|((placement, _), (face, (start, end), means))| {
             let normal = judge.fixture.faces().get(face)?.normal;
-            let (mean, noise) = pooled(&means);
+            let (mean, noise) = pooled(&alike(&means));
             // However long a rest, what rounding does to its mean stays.
             let noise = ageing.of(noise + rounding(means.first()?, step), end, judge.fit.placement_std);
             Some(Placed { face, start, observation: Observation { placement, mean, noise, normal } })
@@ -155,6 +155,16 @@ pub(super) fn is_coarse(entries: &[JudgedRest], step: f64) -> bool {
 fn rounding(mean: &TriadMean, step: Option<f64>) -> Vector3<f64> {
     let step = step.unwrap_or(0.0);
     mean.std().map(|std| if std < step / 2.0 { step * step / 12.0 } else { 0.0 })
+}
+
+/// Of the rests of a placement those that read like the longest: a knock may have tilted it, and the mean of directions that
+/// differ is shorter than either.
+fn alike<'a>(means: &[&'a TriadMean]) -> Vec<&'a TriadMean> {
+    /// m/s²: shorter by a ten thousandth of g at most.
+    const APART: f64 = 0.25;
+    let longest = means.iter().max_by(|a, b| a.effective.total_cmp(&b.effective));
+    let near = |mean: &&TriadMean| longest.is_some_and(|longest| (mean.mean - longest.mean).norm() <= APART);
+    means.iter().copied().filter(|mean| near(mean)).collect()
 }
 
 /// Mean of several means of one placement, by their effective samples, and its noise variance.

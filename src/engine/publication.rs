@@ -6,7 +6,8 @@ use super::config::{Config, Secondary};
 use super::guidance;
 use super::refusal::held_back;
 use super::rest_history::{JudgedRest, RestHistory};
-use super::solution::{CONFIRMING_REPEATS, Solution};
+use super::solution::Solution;
+use super::status;
 use crate::Stamp;
 use crate::fit::{Estimate, Fixture, Parameterisation, Term};
 use crate::imu::Sensor;
@@ -73,8 +74,8 @@ pub(super) fn coverage(
         .collect();
     // A model that needs no faces makes up for those that are missing.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
-    let status = accelerometer_status(solution);
-    let next_step = obstacle.unwrap_or_else(|| guidance::next_step(&faces, book.found(), solution, status));
+    let confirmed = status::accelerometer(solution);
+    let next_step = obstacle.unwrap_or_else(|| guidance::next_step(&faces, book.found(), solution, confirmed));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 
@@ -102,29 +103,6 @@ pub(super) fn calibration(
     }
 }
 
-/// Repeats beyond one placement a face are what can contradict a fit.
-fn accelerometer_status(solution: &Solution) -> Status {
-    let Ok(fit) = &solution.accelerometer else { return Status::Undetermined };
-    // Beside a reference every sample can contradict.
-    let repeats = if fit.shape == Parameterisation::FULL_ACCELEROMETER { CONFIRMING_REPEATS } else { solution.repeats };
-    match solution.drift.is_some() || !solution.doubts.is_empty() {
-        true => Status::Provisional,
-        false => status(repeats, fit),
-    }
-}
-
-fn status(repeats: usize, fit: &Estimate) -> Status {
-    let agree = repeats >= CONFIRMING_REPEATS && fit.chi2_per_dof.is_some_and(|chi2| chi2 <= agreement(fit.freedom));
-    if agree { Status::Confirmed } else { Status::Provisional }
-}
-
-/// χ² over its degrees of freedom that agreement exceeds once in a thousand times (Wilson and Hilferty 1931).
-fn agreement(freedom: f64) -> f64 {
-    const NORMAL: f64 = 3.09;
-    let v = 2.0 / (9.0 * freedom.max(1.0));
-    libm::pow(1.0 - v + NORMAL * v.sqrt(), 3.0)
-}
-
 fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     let named = named("accelerometer", &config.accelerometer);
     let remarks = remarks(solution, Sensor::Accelerometer);
@@ -145,7 +123,7 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     notes.extend(solution.coarse_step.map(guidance::coarse));
     notes.push(guidance::assumed_gravity(solution.gravity));
     Triad {
-        status: accelerometer_status(solution).into(),
+        status: status::message(status::accelerometer(solution)).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
         notes,
         ..estimated(named, fit)
@@ -161,12 +139,7 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
         None => return named,
     };
     Triad {
-        // It can be no surer than the primary that it was compared with.
-        status: match accelerometer_status(solution) {
-            Status::Confirmed => status(solution.repeats, fit),
-            other => other,
-        }
-        .into(),
+        status: status::message(status::secondary(solution, fit)).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
         notes: held_back(fit),
         ..estimated(named, fit)
@@ -177,21 +150,22 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let named = named("gyroscope", &config.gyroscope);
     let notes = remarks(solution, Sensor::Gyroscope);
     let Some(fit) = &solution.gyroscope else {
-        let silent = solution.placements > 0 && !config.gyroscope.is_empty();
-        let note = guidance::no_rates(solution.gyro_placements, solution.gyro_relaxed);
+        let silent = (solution.placements > 0 || solution.gyro_refusal.is_some()) && !config.gyroscope.is_empty();
+        let note = match &solution.gyro_refusal {
+            Some(refusal) => refusal.to_string(),
+            None => guidance::no_rates(solution.gyro_placements, solution.gyro_relaxed),
+        };
         let note = silent.then_some(note).filter(|_| notes.is_empty());
         return Triad { notes: notes.into_iter().chain(note).collect(), ..named };
     };
-    let repeats = match fit.shape {
-        Parameterisation::FULL_GYROSCOPE => CONFIRMING_REPEATS,
-        _ => solution.gyro_placements.saturating_sub(1),
-    };
+    let some_turned = (solution.gyro_turned > 0).then(|| guidance::some_turned(solution.gyro_turned));
+    let by_rests = solution.gyro_at_rest.as_ref().unwrap_or(fit);
+    let at_rest = status::message(status::gyroscope(solution, by_rests));
     let turned = solution.turning.as_ref().map(|turning| turning.remarks()).unwrap_or_default();
-    let notes = held_back(fit).into_iter().chain(notes).chain(turned).collect();
+    let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).collect();
     let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     match (by_turns, &solution.gyro_at_rest) {
-        (Some(turns), Some(at_rest)) if fit.shape != at_rest.shape => {
-            let at_rest = status(repeats, at_rest);
+        (Some(turns), Some(bias)) if fit.shape != bias.shape => {
             let status = if turns.redundant { at_rest } else { at_rest.min(Status::Provisional) };
             let triad = estimated(named, fit);
             Triad {
@@ -205,7 +179,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
                 ..triad
             }
         }
-        _ => Triad { status: status(repeats, fit).into(), notes, ..estimated(named, fit) },
+        _ => Triad { status: at_rest.into(), notes, ..estimated(named, fit) },
     }
 }
 

@@ -42,6 +42,21 @@ pub(super) enum Refusal {
     /// A refusal that a drift may be the cause of.
     #[error("{why}; {}", drift.explanation())]
     Drifting { why: Box<Self>, drift: Drift },
+    /// Parameters beyond the configuration's bounds, each in words.
+    #[error("{}: set fit.bounds, or the preset, to what the sensor is", .0.join(", "))]
+    BeyondBounds(Vec<String>),
+    /// Rests at different constant rates.
+    #[error(
+        "{turning} of {rests} rests turn at a constant rate that the others do not have, and which of them stood still cannot be \
+         told: let it rest where nothing turns"
+    )]
+    Turning { turning: usize, rests: usize },
+    /// A rate about the vertical in one run of rests, rad/s.
+    #[error(
+        "reads {rate:.4} rad/s about the vertical in the one pose that it rested in: that may be a steady turn as well as a bias. \
+         Let it rest in another pose, or once more later"
+    )]
+    OneRun { rate: f64 },
     /// A fault of the stream, in words.
     #[error("{0}")]
     Fault(String),

@@ -8,9 +8,6 @@ use super::turning::Turning;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
 use crate::turns::History;
 
-/// So many repeats of a face confirm a calibration.
-pub(super) const CONFIRMING_REPEATS: usize = 3;
-
 /// Estimates that the rests determine, and the reasons for those that they do not.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
@@ -26,12 +23,18 @@ pub(super) struct Solution {
     pub(super) secondary: Vec<Result<Estimate, Refusal>>,
     /// Accepted placements, all faces together.
     pub(super) placements: usize,
-    /// Those that repeat what others say and so may contradict.
-    pub(super) repeats: usize,
+    /// Placements that nothing else checks well enough, the least checked first, each by the name of its face.
+    pub(super) unchecked: Vec<String>,
     /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
     pub(super) coarse_step: Option<f64>,
     /// Of the gyroscope's bias.
     pub(super) gyro_placements: usize,
+    /// Rests that were rejected as turns at a constant rate.
+    pub(super) gyro_turned: usize,
+    /// Whether it lay in more than one pose, or more than once.
+    pub(super) gyro_posed: bool,
+    /// Why the gyroscope has no bias although it was read at rest.
+    pub(super) gyro_refusal: Option<Refusal>,
     /// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s, if there was one.
     pub(super) gyro_relaxed: Option<(f64, f64)>,
     /// The accelerometer's calibration as it was guessed before anything was fitted.

@@ -1,7 +1,9 @@
 //! From the remembered rests to what they determine of each triad. How one model of the primary accelerometer is tried is
 //! left to `model_trial`, how rests become observations to `observations`.
 
-use nalgebra::Vector3;
+use std::collections::BTreeSet;
+
+use nalgebra::{DVector, Vector3};
 
 use super::config::Config;
 use super::model_trial::{self, ModelTrial, Trial};
@@ -13,10 +15,11 @@ use super::rest_judge::{Judge, Poses};
 use super::solution::{Givens, Missing, Solution, per_axis};
 use super::turning;
 use crate::fit::{
-    self, Calibration, Estimate, Gravity, Model, Parameterisation, Place, Reading, Source, directions, guess,
-    gyroscope, secondary,
+    self, Calibration, Check, Estimate, Fixture, Gravity, Model, Parameterisation, Place, Reading, Source, directions,
+    guess, gyroscope, secondary,
 };
 use crate::imu::SecondaryModel;
+use crate::messages::segment::Reason;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.
@@ -115,6 +118,16 @@ fn others(
     let at_rest = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise));
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
     let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
+    let poses_seen: BTreeSet<u32> = entries
+        .iter()
+        .filter(|entry| observations::tells_of_rates(entry, noise))
+        .map(|entry| entry.rest.placement)
+        .collect();
+    let gyro_posed = poses_seen.len() > 1;
+    let credible = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).count();
+    // Until the accelerometer is calibrated its raw reading is upright enough.
+    let vertical = observations::rates(entries, noise, config, Some(&calibration.unwrap_or_default()));
+    let refusal = steady_turn(entries, &vertical, credible, gyro_posed, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
     let rich = match (primary.map(|fit| fit.shape), givens.reference) {
         (Some(Parameterisation::FULL_ACCELEROMETER), Some(reference)) => {
@@ -134,7 +147,7 @@ fn others(
             Poses::Any => Missing::Direction(unseen(&ups)),
             Poses::OnFaces => Missing::Faces,
         },
-        repeats: primary.map_or(0, |_| repeats(&seen, &ups, poses)),
+        unchecked: primary.map_or(Vec::new(), |fit| unchecked(fit, &seen, judge.fixture)),
         coarse_step: givens.step.filter(|&step| observations::is_coarse(entries, step)),
         accelerometer,
         refused,
@@ -145,9 +158,19 @@ fn others(
             .iter()
             .filter(|entry| entry.verdict.is_at_rest())
             .find_map(|entry| observations::relaxed(entry, noise)),
-        gyroscope: rich.or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed)),
+        gyro_turned: entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count(),
+        gyro_posed,
+        gyroscope: rich
+            .or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed && refusal.is_none()))
+            .map(|mut fit| {
+                if !gyro_posed && fit.shape == Parameterisation::BIAS {
+                    doubt_vertical(&mut fit, &vertical);
+                }
+                fit
+            }),
         gyro_at_rest: None,
         turning: None,
+        gyro_refusal: refusal.filter(|_| believed),
         secondary,
         guessed: Calibration::default(),
         faults: Vec::new(),
@@ -173,23 +196,48 @@ fn unseen(ups: &[Vector3<f64>]) -> String {
     }
 }
 
-/// Placements beyond those that the model needs. No more than three in one direction count, since a bump of the table is
-/// easily taken for a placement.
-fn repeats(seen: &[Placed], ups: &[Vector3<f64>], poses: Poses) -> usize {
-    const MOST: usize = 3;
-    /// Cosine of 15°.
-    const SAME: f64 = 0.966;
-    let mut directions: Vec<(Vector3<f64>, usize)> = Vec::new();
-    for (placed, up) in seen.iter().zip(ups) {
-        let up = if poses == Poses::OnFaces { placed.observation.normal } else { *up };
-        match directions.iter_mut().find(|(known, _)| known.dot(&up) > SAME) {
-            Some((_, count)) => *count += 1,
-            None => directions.push((up, 1)),
+/// The placements that nothing else checks well enough, the least checked first, by the names of their faces.
+fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> {
+    let Some(reliability) = &fit.reliability else { return Vec::new() };
+    // An accurate fixture gives an equation of each axis.
+    let per_placement = (reliability.checks.len() / seen.len().max(1)).max(1);
+    let mut weak: Vec<_> = reliability.checks.chunks(per_placement).zip(seen).collect();
+    weak.retain(|(checks, _)| !checks.iter().all(Check::is_enough));
+    let least = |checks: &[Check]| checks.iter().map(|check| check.redundancy).fold(1.0, f64::min);
+    let mut weak: Vec<_> = weak.into_iter().map(|(checks, placed)| (least(checks), placed)).collect();
+    weak.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let mut names: Vec<String> = Vec::new();
+    for (_, placed) in weak {
+        let name = fixture.faces().get(placed.face).map_or("?", |face| face.name.as_str());
+        if !names.iter().any(|known| known == name) {
+            names.push(name.to_owned());
         }
     }
-    let counted: usize = directions.iter().map(|(_, count)| (*count).min(MOST)).sum();
-    let needed = if poses == Poses::OnFaces { directions.len() } else { Parameterisation::TRIANGULAR.unknowns() };
-    counted.saturating_sub(needed)
+    names
+}
+
+/// What speaks against a gyroscope's bias: rests that turned, and that it lay in one pose only.
+fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed: bool, most: f64) -> Option<Refusal> {
+    let turning = entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count();
+    // Most of them must agree before the others are the ones that turned.
+    if 2 * turning > at_rest {
+        return Some(Refusal::Turning { turning, rests: turning + at_rest });
+    }
+    let rate = rates.iter().map(about_vertical).fold(0.0, |most: f64, rate| most.max(rate.abs()));
+    (!posed && rate > most).then_some(Refusal::OneRun { rate })
+}
+
+/// In one pose the rate about the vertical may be a turn as well as a bias.
+fn doubt_vertical(fit: &mut Estimate, rates: &[Reading]) {
+    let Some(reading) = rates.first() else { return };
+    let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) else { return };
+    let turn = up * about_vertical(reading);
+    fit.widen(&DVector::from_iterator(3, turn.iter().copied()));
+}
+
+/// The rate about the vertical, rad/s.
+fn about_vertical(reading: &Reading) -> f64 {
+    reading.truth.other.try_normalize(f64::MIN_POSITIVE).map_or(0.0, |up| reading.mean.dot(&up))
 }
 
 fn fit_secondary(

@@ -124,7 +124,7 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
     };
     let gravity = givens.gravity.value;
     let richer = richer.filter(|richer| richer.agrees());
-    if let Some(richer) = richer.filter(|richer| richer.worst_case_error(gravity) < fit.worst_case_error(gravity)) {
+    if let Some(richer) = richer.filter(|richer| richer.reading_error(gravity) < fit.reading_error(gravity)) {
         attempt.fit = Ok(richer);
         turning.completed = true;
     }

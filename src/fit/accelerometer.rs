@@ -17,6 +17,7 @@ use super::gravity::Gravity;
 use super::linear_system::{LinearSystem, Solved, limits};
 use super::parameterisation::{Parameterisation, Term, Truth};
 use super::placement_scatter::Assumed;
+use super::reliability::{GROSS_ERROR, Reliability};
 use super::turn_fit::OffDiagonals;
 use super::uncertainty::{Sharing, Uncertainty};
 
@@ -89,7 +90,18 @@ pub fn fit_with(
     let first = solve(given.placement_std * given.placement_std, None)?;
     let bars = Uncertainty::learn(given.shape, &first.solved, Sharing::All, given.assumed());
     let second = solve(bars.between(0), Some(&first.calibration))?;
-    Ok(summarise(observations, given, &bars, second))
+    let mut estimate = summarise(observations, given, &bars, second);
+    if !estimate.active.is_empty() {
+        // The data, and not the bound, say where the parameters would lie.
+        let free = Bounds::none();
+        let free = Assumptions { bounds: &free, start: estimate.calibration(), ..*given };
+        let stage = match given.estimator {
+            Estimator::Fixture => on_fixture(observations, &free, bars.between(0), None),
+            Estimator::Magnitude => on_magnitude(observations, &free, told, bars.between(0), free.start),
+        };
+        estimate.doubt_bound(&given.shape.vector(&stage?.calibration));
+    }
+    Ok(estimate)
 }
 
 /// A solution with the weighted equations that it came from.
@@ -220,6 +232,9 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
         influence: numbers.zip(stage.solved.influence(&gain)).collect(),
         between: bars.between_placements(),
     };
+    let mut reliability = Reliability::of(&stage.solved, &gain, GROSS_ERROR);
+    // What the turns tell stands behind the placements.
+    reliability.checks.truncate(observations.len());
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
@@ -232,6 +247,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
         freedom: bars.freedom(),
         placement_std: bars.placement_std(),
         condition: stage.solved.solution.condition(),
+        reliability: Some(reliability),
         active: stage.solved.solution.active,
         origin: Some(origin),
     }

@@ -97,6 +97,25 @@ impl Default for Bounds {
 }
 
 impl Bounds {
+    /// Bounds that hold nothing back.
+    pub fn none() -> Self {
+        let free = Bound::Common(UNBOUNDED);
+        Self {
+            accel_bias: free,
+            accel_scale: free,
+            accel_cross_axis: free,
+            accel_rate_sensitivity: free,
+            gyro_bias: free,
+            gyro_scale: free,
+            gyro_cross_axis: free,
+            gyro_g_sensitivity: free,
+            gyro_g2_sensitivity: free,
+            secondary_bias: free,
+            secondary_scale: free,
+            secondary_cross_axis: free,
+        }
+    }
+
     /// Each with its key.
     pub fn named(&self) -> [(&'static str, Bound); 12] {
         [

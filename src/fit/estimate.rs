@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector, MatrixXx3};
 
 use super::calibration::Calibration;
 use super::parameterisation::Parameterisation;
-use super::worst_case::ReadingError;
+use super::reliability::Reliability;
+use super::worst_case::{ReadingError, most};
 
 /// Parameters of a triad and how well they are known.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +33,8 @@ pub struct Estimate {
     pub placement_std: Vec<f64>,
     /// Condition number of the design.
     pub condition: f64,
+    /// How well the placements check each other; `None` beside a reference, where every sample checks the others.
+    pub reliability: Option<Reliability>,
     /// Parameters held back by a bound, by their place in the parameter vector.
     pub active: Vec<usize>,
     /// Where the errors of a primary accelerometer come from, for what is compared with it.
@@ -77,11 +80,37 @@ impl Estimate {
         }
     }
 
-    /// 95 % bound of the error of a corrected reading of an accelerometer at rest, in the direction of gravity where it is
-    /// worst, m/s². What the model leaves out of S is in it, and so is what that of the primary does.
-    pub fn worst_case_error(&self, gravity: f64) -> f64 {
+    /// Bound of the error of a corrected reading of an accelerometer at rest that holds in every direction of gravity at
+    /// once, 95 % of the time, if no placement was wrong, m/s². What the model leaves out of S is in it, and so is what that
+    /// of the primary does.
+    pub fn reading_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
         let left_out = [self.unmodelled_std, self.inherited_std];
         ReadingError::new(self.shape, &self.covariance, inverse, left_out, gravity).worst()
+    }
+
+    /// The same in the one direction where it is worst.
+    pub fn direction_error(&self, gravity: f64) -> f64 {
+        let inverse = self.calibration().inverse();
+        let left_out = [self.unmodelled_std, self.inherited_std];
+        ReadingError::new(self.shape, &self.covariance, inverse, left_out, gravity).worst_direction()
+    }
+
+    /// The largest error of a corrected reading that one wrong placement could cause without being noticed, m/s².
+    pub fn hidden_error(&self, gravity: f64) -> f64 {
+        let inverse = self.calibration().inverse();
+        let checks = self.reliability.iter().flat_map(|reliability| &reliability.checks);
+        let errors = checks.map(|check| most(&inverse, &self.shape.calibration(&check.hidden), gravity));
+        errors.fold(0.0, f64::max)
+    }
+
+    /// Both together.
+    pub fn worst_case_error(&self, gravity: f64) -> f64 {
+        self.reading_error(gravity) + self.hidden_error(gravity)
+    }
+
+    /// Allows for a parameter that a bound holds back and that would lie elsewhere without it.
+    pub fn doubt_bound(&mut self, without: &DVector<f64>) {
+        self.widen(&(without - &self.parameters));
     }
 }

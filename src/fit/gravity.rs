@@ -3,12 +3,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::student_t::NORMAL_95;
+
 /// The length of gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gravity {
     /// m/s².
     pub value: f64,
-    /// One standard deviation, m/s².
+    /// One standard deviation, m/s²: 1.96 of them are half of the interval that holds it.
     pub std: f64,
     /// Where it is from.
     pub source: Source,
@@ -54,8 +56,9 @@ pub struct Place {
 pub const EARTH_RATE: f64 = 7.292_115e-5;
 /// Standard gravity, m/s² (CGPM 1901).
 const STANDARD: f64 = 9.80665;
-/// Gravity varies by so much over the Earth's surface: one standard deviation, relative.
-const STANDARD_SPREAD: f64 = 0.0015;
+/// From where people live highest nearest to the equator (La Rinconada, Peru, 5,100 m: 9.768 m/s²) to where they live nearest
+/// to a pole (Alert, Canada: 9.831 m/s²) gravity stays this near to the standard, m/s².
+const STANDARD_RANGE: f64 = 0.04;
 /// What normal gravity knows nothing of, mountains and ore, moves gravity by about this much (50 mGal), m/s².
 const ANOMALY: f64 = 5e-4;
 /// A height that nobody gave is zero, give or take so many metres.
@@ -66,6 +69,11 @@ const KNOWN_HEIGHT: f64 = 30.0;
 const GRADIENT: f64 = 3.086e-6;
 
 impl Gravity {
+    /// Half of the 95 % interval, m/s².
+    pub fn half_interval(&self) -> f64 {
+        NORMAL_95 * self.std
+    }
+
     /// As somebody measured it.
     pub fn configured(value: f64) -> Self {
         Self { value, std: 0.0, source: Source::Configured, place: None }
@@ -73,7 +81,7 @@ impl Gravity {
 
     /// Of nowhere in particular.
     pub fn standard() -> Self {
-        Self { value: STANDARD, std: STANDARD * STANDARD_SPREAD, source: Source::Standard, place: None }
+        Self { value: STANDARD, std: STANDARD_RANGE / NORMAL_95, source: Source::Standard, place: None }
     }
 
     /// Of a place.
@@ -142,6 +150,15 @@ mod tests {
             let place = Place { latitude_deg, height_m: Some(height) };
             let gravity = Gravity::at(&place, Source::Latitude);
             assert!((gravity.value - measured).abs() < 2.5 * gravity.std, "{gravity:?} {measured}");
+        }
+    }
+
+    #[test]
+    fn gravity_of_nowhere_in_particular_is_that_of_every_inhabited_place() {
+        let standard = Gravity::standard();
+        for (latitude_deg, height) in [(-14.63, 5100.0), (-16.5, 3640.0), (1.35, 15.0), (27.99, 4900.0), (82.5, 30.0)] {
+            let off = (at(latitude_deg, height) - standard.value).abs();
+            assert!(off < standard.half_interval(), "{latitude_deg}: {off}");
         }
     }
 

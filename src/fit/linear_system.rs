@@ -161,6 +161,11 @@ impl Free {
 }
 
 impl Solved {
+    /// What an equation was multiplied with.
+    pub fn weight(&self, equation: usize) -> f64 {
+        self.rows.get(equation).map_or(0.0, |row| row.weight)
+    }
+
     /// By how much the unknowns move with each weighted target, unknowns × equations; NaN where they are not determined.
     pub fn gain(&self) -> DMatrix<f64> {
         let unknowns = self.design.ncols();

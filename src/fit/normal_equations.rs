@@ -99,6 +99,7 @@ impl NormalEquations {
             freedom: (self.spans.len() * unknowns) as f64,
             placement_std: Vec::new(),
             condition: 1.0,
+            reliability: None,
             active: Vec::new(),
             origin: None,
         };

@@ -2,15 +2,16 @@
 //! accelerometer on the primary, an accelerometer on an accurate fixture. Where the truths come from, and what their own
 //! uncertainty adds, is left to the callers.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 
 use super::calibration::Calibration;
 use super::config::Loss;
 use super::error::Error;
 use super::estimate::Estimate;
-use super::linear_system::{Limits, LinearSystem, Solved};
+use super::linear_system::{self, Limits, LinearSystem, Solved};
 use super::parameterisation::{Parameterisation, Term, Truth};
 use super::placement_scatter::Assumed;
+use super::reliability::{GROSS_ERROR, Reliability};
 use super::uncertainty::{Other, Sharing, Uncertainty};
 
 /// What a triad read during one placement, and what there was to read.
@@ -35,6 +36,8 @@ pub(super) struct Regression {
     assumed: Assumed,
     /// What noise alone would leave.
     white_rms: f64,
+    /// The unknowns if no limit held them back, where one does.
+    unlimited: Option<DVector<f64>>,
 }
 
 /// Regresses readings whose placements scatter on each axis as is assumed, until they show otherwise. The equations are
@@ -47,7 +50,7 @@ pub(super) fn regress(
     limits: &Limits,
     loss: Loss,
 ) -> Result<Regression, Error> {
-    let solve = |between: &Vector3<f64>, calibration: &Calibration| {
+    let solve = |between: &Vector3<f64>, calibration: &Calibration, limits: &Limits| {
         let mut system = LinearSystem::leaking(shape, assumed.leak);
         for reading in readings {
             let noise = noise(reading, calibration);
@@ -60,21 +63,29 @@ pub(super) fn regress(
         system.solve(limits, loss)
     };
     // The sensitivity and the scatter that the first regression shows set the weights of the second.
-    let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default())?;
+    let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default(), limits)?;
     let calibration = shape.calibration(&first.solution.x);
     let bars = Uncertainty::learn(shape, &first, sharing, assumed);
-    let solved = solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration)?;
+    let solved = solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration, limits)?;
     let white: f64 = readings.iter().map(|reading| noise(reading, &calibration).sum()).sum();
     let white_rms = (white / (3 * readings.len()).max(1) as f64).sqrt();
-    Ok(Regression { shape, solved, bars, assumed, white_rms })
+    let unlimited = match solved.solution.active.is_empty() {
+        true => None,
+        false => {
+            let none = linear_system::limits(shape, |_| [f64::NEG_INFINITY, f64::INFINITY]);
+            Some(solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration, &none)?.solution.x)
+        }
+    };
+    Ok(Regression { shape, solved, bars, assumed, white_rms, unlimited })
 }
 
 impl Regression {
     /// As an estimate, with `other` for what the readings do not tell. A rms that neither noise nor
     /// scatter excuse is allowed up to `allowance`.
     pub(super) fn estimate(self, other: &Other, allowance: f64) -> Estimate {
-        let Self { shape, solved, bars, assumed, white_rms } = self;
-        Estimate {
+        let Self { shape, solved, bars, assumed, white_rms, unlimited } = self;
+        let reliability = Reliability::of(&solved, &solved.gain(), GROSS_ERROR);
+        let mut estimate = Estimate {
             shape,
             covariance: bars.covariance(shape, &solved, other),
             unmodelled_std: bars.leak_rms,
@@ -85,10 +96,15 @@ impl Regression {
             freedom: bars.freedom(),
             placement_std: bars.placement_std(),
             condition: solved.solution.condition(),
+            reliability: Some(reliability),
             active: solved.solution.active.clone(),
             parameters: solved.solution.x,
             origin: None,
+        };
+        if let Some(unlimited) = unlimited {
+            estimate.doubt_bound(&unlimited);
         }
+        estimate
     }
 }
 

@@ -129,6 +129,13 @@ impl Segmenter {
         if let Some(track) = self.track(sensor) {
             track.take(sample);
         }
+        if self.phase != Phase::Still {
+            match sensor {
+                Sensor::Accelerometer => self.placement.feel(sample),
+                Sensor::Gyroscope => self.placement.turn(sample),
+                _ => {}
+            }
+        }
         match sensor {
             Sensor::Accelerometer => self.judge(sample.stamp),
             _ => Outcome::Taken,
@@ -146,7 +153,7 @@ impl Segmenter {
     pub fn cut(&mut self, sensor: Sensor) {
         self.break_off();
         if sensor == Sensor::Accelerometer {
-            self.placement.end();
+            self.placement.forget();
         }
     }
 
@@ -236,7 +243,7 @@ impl Segmenter {
         let quiet = statistic.is_some_and(|statistic| statistic < self.config.enter);
         let loud = statistic.is_some_and(|statistic| statistic > self.config.leave);
         if loud && self.phase != Phase::Still {
-            self.placement.end();
+            self.placement.moved();
             self.sliding = false;
         }
         self.phase = match self.phase {
@@ -305,7 +312,7 @@ impl Segmenter {
         if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
-            let placement = self.placement.place(&accelerometer, self.config.max_creep);
+            let placement = self.placement.place(&accelerometer, gyroscope.as_ref(), self.config.max_creep);
             let crept = self.sliding;
             self.keep(Rest { start, end: stop, placement, crept, accelerometer, gyroscope, secondary });
             self.kept = true;
@@ -314,7 +321,7 @@ impl Segmenter {
             self.end_stretch();
         }
         if matches!(end, End::Motion | End::Creep) {
-            self.placement.end();
+            self.placement.moved();
         }
         self.sliding = end == End::Creep || self.sliding && end == End::Split;
     }

@@ -59,7 +59,7 @@ fn a_folder_teaches_what_its_files_in_one_would() {
     let folder = with_bag();
     let whole = imus(folder.say("annotate demo.mcap --json"));
     assert_eq!(imus(folder.say("annotate bag --json")), whole);
-    assert_eq!(whole[0]["accelerometer"]["status"], "CONFIRMED");
+    assert_eq!(whole[0]["accelerometer"]["status"], "PROVISIONAL");
     assert_eq!(imus(folder.say("export bag --format json")), whole);
     assert_eq!(imus(folder.say("export bag.annotated --format json"))[0]["rests"], whole[0]["rests"]);
     let topics = |line: &str| folder.say(line).ok().json()["topics"].as_array().unwrap().len();

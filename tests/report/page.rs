@@ -47,14 +47,8 @@ fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
     let (raw, annotated, sidecar) = (page("demo.mcap"), page("annotated.mcap"), page("sidecar.mcap"));
     assert_eq!(raw, annotated.replace("annotated.mcap", "demo.mcap"));
     for html in [&raw, &sidecar] {
-        for word in [
-            "CONFIRMED",
-            "Done: repeated placements agree",
-            "+X",
-            "−Z".replace('−', "-").as_str(),
-            "gyroscope",
-            "min_fit_s",
-        ] {
+        for word in ["PROVISIONAL", "up once more", "+X", "−Z".replace('−', "-").as_str(), "gyroscope", "min_fit_s"]
+        {
             assert!(html.contains(word), "{word}");
         }
     }
@@ -80,7 +74,7 @@ fn the_terminal_gets_the_summary_the_timeline_and_the_rests() {
     let folder = Folder::with_demo();
     folder.say("export demo.mcap --format json -o before.json").ok();
     let text = folder.say("report demo.mcap --against before.json").ok().stdout;
-    for word in ["CONFIRMED", "█", "rest on a face", "‖a‖ − g", "within the uncertainty", "next"] {
+    for word in ["PROVISIONAL", "█", "rest on a face", "‖a‖ − g", "within the uncertainty", "next"] {
         assert!(text.contains(word), "{word} is not in\n{text}");
     }
     assert!(text.lines().all(|line| console::measure_text_width(line) <= 100), "{text}");

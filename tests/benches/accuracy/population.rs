@@ -45,13 +45,17 @@ impl Population {
         Self { visits: 4, scatter: 3.0 },
     ];
 
+    pub fn new(visits: usize, scatter: f64) -> Self {
+        Self { visits, scatter }
+    }
+
     /// What becomes of one of its sessions.
     pub fn trial(self, seed: u64) -> Trial {
         Trial::run(&self.scenario(seed))
     }
 
     /// One of its sessions.
-    fn scenario(self, seed: u64) -> Scenario {
+    pub fn scenario(self, seed: u64) -> Scenario {
         const FACES: [&str; 6] = ["+X", "-X", "+Y", "-Y", "+Z", "-Z"];
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let assumed = fit::Config::default();

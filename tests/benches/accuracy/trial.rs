@@ -3,10 +3,10 @@
 use nalgebra::{Matrix3, Vector3};
 use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit;
-use stillpoint::imu::Sample;
+use stillpoint::imu::{Preset, Sample};
 use stillpoint::messages::triad::Status;
 use stillpoint::messages::{Calibration, Triad, Vector3 as Numbers};
-use stillpoint::simulate::{Scenario, TriadTruth, Truth, samples};
+use stillpoint::simulate::{Reading, Scenario, TriadTruth, Truth, samples};
 
 /// Three numbers that are estimated together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +67,22 @@ impl Trial {
         Self { calibration: learn(scenario, config), truth }
     }
 
+    /// The same with the readings altered on their way, given the seconds since the first; a preset may be known.
+    pub fn altered(scenario: &Scenario, preset: Option<Preset>, alter: impl FnMut(&mut Reading, f64)) -> Self {
+        let truth = Truth::of(scenario).unwrap();
+        let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
+        let config = Config { gyroscope: "/imu".to_owned(), fit, ..Config::default() };
+        let config = match preset {
+            Some(preset) => config.of(preset),
+            None => config,
+        };
+        Self { calibration: learn_altered(scenario, config, alter), truth }
+    }
+
+    pub fn is_gyroscope_confirmed(&self) -> bool {
+        self.triad(Quantity::GyroBias).is_some_and(|(triad, _)| triad.status() == Status::Confirmed)
+    }
+
     /// Whether both accelerometers have a calibration.
     pub fn is_calibrated(&self) -> bool {
         let triads = [Quantity::AccelBias, Quantity::SecondaryBias].map(|quantity| self.triad(quantity));
@@ -98,6 +114,9 @@ impl Trial {
     /// none without a calibration.
     pub fn are_bounded(&self) -> Vec<bool> {
         let Some((triad, truth)) = self.triad(Quantity::AccelBias) else { return Vec::new() };
+        if triad.sensitivity.len() != 9 {
+            return Vec::new();
+        }
         let inverse = Matrix3::from_row_slice(&triad.sensitivity).try_inverse();
         let (Some(bound), Some(inverse)) = (triad.worst_case_error, inverse) else { return Vec::new() };
         let bias = triad.bias.as_ref().map(vector).unwrap_or_default();
@@ -132,6 +151,10 @@ impl Trial {
 
 /// The last calibration that an engine learns from a session.
 pub fn learn(scenario: &Scenario, config: Config) -> Option<Calibration> {
+    learn_altered(scenario, config, |_, _| {})
+}
+
+fn learn_altered(scenario: &Scenario, config: Config, mut alter: impl FnMut(&mut Reading, f64)) -> Option<Calibration> {
     let mut engine = Engine::new(config);
     let mut events: Vec<Event> = Vec::new();
     let mut calibration = None;
@@ -142,7 +165,10 @@ pub fn learn(scenario: &Scenario, config: Config) -> Option<Calibration> {
             }
         }
     };
-    for reading in samples(scenario).unwrap() {
+    let start = i64::from(scenario.recording.start_s) * 1_000_000_000;
+    for mut reading in samples(scenario).unwrap() {
+        let seconds = (reading.stamp.nanos() - start) as f64 * 1e-9;
+        alter(&mut reading, seconds);
         let log_time = reading.stamp.nanos() as u64;
         let sample = Sample { stamp: reading.stamp, log_time, value: reading.measured };
         engine.push(reading.sensor, &sample, &mut events);

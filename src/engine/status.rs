@@ -1,0 +1,82 @@
+//! Status of each triad: confirmed only where any one wrong placement would show, and none does.
+
+use super::solution::Solution;
+use crate::fit::{Estimate, Parameterisation};
+use crate::messages::triad::Status;
+
+/// Reason why an estimate is not confirmed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unconfirmed {
+    /// There is none.
+    Undetermined,
+    /// Placements contradict each other, and which is wrong cannot be told.
+    Doubted,
+    /// The readings drift.
+    Drifting,
+    /// A bound holds a parameter back.
+    AtBound,
+    /// A placement that nothing else checks.
+    Unchecked,
+    /// The placements differ by more than they scatter.
+    Disagreeing,
+    /// The gyroscope turned in some rests, or was seen in too few.
+    Turning,
+}
+
+/// Whether the primary accelerometer is confirmed, or why not.
+pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
+    let Ok(fit) = &solution.accelerometer else { return Err(Unconfirmed::Undetermined) };
+    if !solution.doubts.is_empty() {
+        return Err(Unconfirmed::Doubted);
+    }
+    if solution.drift.is_some() {
+        return Err(Unconfirmed::Drifting);
+    }
+    estimate(fit)
+}
+
+/// Whether a secondary accelerometer is: it can be no surer than the primary that it was compared with.
+pub(super) fn secondary(solution: &Solution, fit: &Estimate) -> Result<(), Unconfirmed> {
+    accelerometer(solution).and_then(|()| estimate(fit))
+}
+
+/// Whether the gyroscope is: a turn at a constant rate passes for a bias, unless the sensor lay otherwise in between.
+pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Unconfirmed> {
+    /// Placements of it.
+    const FEW: usize = 4;
+    let beside_reference = fit.shape == Parameterisation::FULL_GYROSCOPE;
+    if !beside_reference && (solution.gyro_placements < FEW || solution.gyro_turned > 0 || !solution.gyro_posed) {
+        return Err(Unconfirmed::Turning);
+    }
+    estimate(fit)
+}
+
+/// What an estimate says by itself.
+fn estimate(fit: &Estimate) -> Result<(), Unconfirmed> {
+    if !fit.active.is_empty() {
+        return Err(Unconfirmed::AtBound);
+    }
+    match &fit.reliability {
+        // Beside a reference every sample checks the others.
+        None if fit.chi2_per_dof.is_some_and(|chi2| chi2 <= agreement(fit.freedom)) => Ok(()),
+        None => Err(Unconfirmed::Disagreeing),
+        Some(reliability) if !reliability.is_checked() => Err(Unconfirmed::Unchecked),
+        Some(reliability) if !reliability.confirms() => Err(Unconfirmed::Disagreeing),
+        Some(_) => Ok(()),
+    }
+}
+
+pub(super) fn message(confirmed: Result<(), Unconfirmed>) -> Status {
+    match confirmed {
+        Ok(()) => Status::Confirmed,
+        Err(Unconfirmed::Undetermined) => Status::Undetermined,
+        Err(_) => Status::Provisional,
+    }
+}
+
+/// χ² over its degrees of freedom that agreement exceeds once in a thousand times (Wilson and Hilferty 1931).
+fn agreement(freedom: f64) -> f64 {
+    const NORMAL: f64 = 3.09;
+    let v = 2.0 / (9.0 * freedom.max(1.0));
+    libm::pow(1.0 - v + NORMAL * v.sqrt(), 3.0)
+}
