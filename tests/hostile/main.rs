@@ -8,6 +8,7 @@ mod hangs;
 mod itself;
 mod planted;
 mod printed;
+mod service;
 mod specials;
 
 use std::fs::File;

@@ -1,5 +1,6 @@
 //! `/healthz`, `/readyz` and `/metrics` over HTTP. What they say is left to [`Metrics`].
 
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -12,14 +13,15 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use tokio::sync::Semaphore;
+use tokio::task::AbortHandle;
 
 use crate::Error;
 use crate::run::watch::metrics::Metrics;
 
-/// Connections at a time; who asks for numbers needs few.
+/// Connections at a time; who asks for numbers needs few. The next one takes the place of the oldest, so that those who
+/// ask nothing keep nobody out.
 const CONNECTIONS: usize = 32;
-/// A request that takes longer is given up.
+/// A connection that takes longer is given up, whether it asks, listens or does neither.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// A service that has not looked through its directory for so long is not healthy.
 const ALIVE: Duration = Duration::from_secs(60);
@@ -41,24 +43,30 @@ pub fn serve(address: SocketAddr, metrics: Arc<Metrics>) -> Result<SocketAddr, E
 
 async fn accept(listener: TcpListener, metrics: Arc<Metrics>) {
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    let mut open: VecDeque<AbortHandle> = VecDeque::new();
     loop {
-        let Ok(place) = places.clone().acquire_owned().await else { return };
         let Ok((stream, _)) = listener.accept().await else {
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
         };
         let metrics = metrics.clone();
-        tokio::spawn(async move {
+        open.retain(|connection| !connection.is_finished());
+        if open.len() >= CONNECTIONS
+            && let Some(oldest) = open.pop_front()
+        {
+            oldest.abort();
+        }
+        let connection = tokio::spawn(async move {
             let answer = service_fn(move |request| answer(request, metrics.clone()));
             let connection = http1::Builder::new()
                 .timer(TokioTimer::new())
+                .keep_alive(false)
                 .header_read_timeout(PATIENCE)
                 .serve_connection(TokioIo::new(stream), answer);
-            // A client that went away is no matter.
-            let _ = connection.await;
-            drop(place);
+            // A client that went away, or does not, is no matter.
+            let _ = tokio::time::timeout(PATIENCE, connection).await;
         });
+        open.push_back(connection.abort_handle());
     }
 }
 
