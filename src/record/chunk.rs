@@ -87,6 +87,8 @@ pub(super) struct Content {
     /// As far as the chunk itself tells, which does not know where it is.
     pub(super) index: ChunkIndex,
     pub(super) survey: Survey,
+    /// Whether the chunk opens to more than it claims.
+    pub(super) more: bool,
 }
 
 impl Content {
@@ -102,7 +104,7 @@ impl Content {
         let mut index = header.index();
         // Without messages both are 0, whatever the header says.
         (index.start_time, index.end_time) = survey.span.unwrap_or_default();
-        Ok(Self { data, place, index, survey })
+        Ok(Self { data, place, index, survey, more: inflate.more })
     }
 }
 
@@ -124,6 +126,8 @@ pub(super) fn locate(body: &[u8], length: u64) -> Result<(ChunkHeader<'_>, Range
 pub(super) struct Inflate {
     zstd: Option<Decoder<'static>>,
     out: Vec<u8>,
+    /// Whether the last one opens to more than it claims.
+    more: bool,
 }
 
 impl Inflate {
@@ -135,6 +139,7 @@ impl Inflate {
             .ok()
             .filter(|_| header.uncompressed_size <= LIMIT)
             .ok_or_else(|| format!("a chunk that claims {} uncompressed bytes", header.uncompressed_size))?;
+        self.more = false;
         let place = match header.compression {
             "" => Place::Plain,
             "zstd" => {
@@ -184,7 +189,8 @@ impl Inflate {
         // A buffer of a longer chunk before has room for more than is claimed.
         let more = self.out.len() > size || self.zstd_goes_on(&mut input)?;
         self.out.truncate(size);
-        exact(more, size)
+        self.more = more;
+        Ok(())
     }
 
     /// Whether more comes out than was asked for.
@@ -223,15 +229,8 @@ impl Inflate {
         }
         more |= lz4::Decoder::new(&mut rest).is_ok_and(|mut frame| frame.read(&mut [0; 1]).is_ok_and(|read| read > 0));
         self.out.truncate(filled);
-        exact(more, size)
-    }
-}
-
-/// Refuses a chunk that opens to more than it claims: which of its records count, nobody could tell.
-fn exact(more: bool, size: usize) -> Result<(), String> {
-    match more {
-        true => Err(format!("a chunk that opens to more than the {size} bytes that it claims")),
-        false => Ok(()),
+        self.more = more;
+        Ok(())
     }
 }
 

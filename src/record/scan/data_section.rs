@@ -199,7 +199,11 @@ impl Scan {
         };
         match content {
             Ok(Content { survey, .. }) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
-            Ok(Content { data, place, mut index, survey }) => {
+            Ok(Content { data, place, mut index, survey, more }) => {
+                if more {
+                    let what = "a chunk that opens to more than it claims: what is beyond is not used";
+                    self.damage(frame.offset, 0, what);
+                }
                 index.offset = frame.offset;
                 index.length = frame.end() - frame.offset;
                 let tallies = Some(survey.tallies.clone());
