@@ -1,7 +1,7 @@
 //! What speaks against the readings of a triad, whatever is fitted to them: each thing is said once in the log and stands
 //! in the triad's notes, and some forbid a calibration. What is wrong with a single rest is left to `rest_judge`.
 
-use super::axes::{self, Axes, Hypothesis};
+use super::axes::{self, Axes, Hypothesis, Unit};
 use super::fault::{Fault, FaultKind};
 use super::observations;
 use super::refusal::Refusal;
@@ -38,7 +38,7 @@ pub(super) fn detect(
     let axes = match axes::verdict(turns, entries, |force| calibration.correct(force)) {
         Axes::Unknown | Axes::Agree => None,
         Axes::Disagree(degrees) => Some(of_gyroscope(FaultKind::Disagreeing, disagreeing_text(degrees))),
-        Axes::Otherwise(Hypothesis { degrees: true, .. }) => {
+        Axes::Otherwise(Hypothesis { unit: Unit::Degrees, .. }) => {
             Some(of_gyroscope(FaultKind::Degrees, turned_too_far_text()))
         }
         Axes::Otherwise(Hypothesis { signs, .. }) => {

@@ -62,6 +62,19 @@ pub fn predict<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &
     at
 }
 
+/// Where specific force points behind a turn, unit vector, and nothing else.
+pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Vector3<f64> {
+    let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
+    let (mut up, mut since) = (ends.up[0], 0.0);
+    for piece in pieces {
+        let share = (since + piece.seconds / 2.0) / total;
+        since += piece.seconds;
+        let bias = ends.rate[0] * (1.0 - share) + ends.rate[1] * share;
+        up = exp(&piece.without(&bias).rotation(candidate)).tr_mul(&up);
+    }
+    up
+}
+
 /// ∂(rotation vector)/∂C, row by row. The cofactors of C = I + δ are I + tr δ − δᵀ to first order, and so they are around any
 /// other C that is near.
 fn by_inverse(piece: &Piece, candidate: &Candidate) -> SMatrix<f64, 3, 9> {
