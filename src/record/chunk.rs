@@ -10,9 +10,9 @@ use super::records::{ChunkHeader, ChunkIndex};
 use super::survey::Survey;
 use super::wire::Fields;
 
-/// Largest record that is held in memory, and largest chunk once decompressed, in bytes. More than any recorder
-/// writes, and little enough that a corrupt length does not exhaust a machine.
-pub(super) const LIMIT: u64 = 1 << 30;
+/// Largest record that is held in memory, and largest chunk, compressed or not, in bytes (64 MiB). More than recorders
+/// write, and little enough that no file exhausts a machine.
+pub(super) const LIMIT: u64 = 1 << 26;
 
 /// Whether chunks of this compression can be opened.
 pub(super) fn knows(compression: &str) -> bool {
@@ -115,9 +115,10 @@ pub(super) fn locate(body: &[u8], length: u64) -> Result<(ChunkHeader<'_>, Range
     let start = body.len() - fields.0.len();
     let room = length - start as u64;
     let size = header.compressed_size;
-    match size <= room.min(LIMIT) {
-        true => Ok((header, start..start + size as usize)),
-        false => Err(format!("a chunk that claims {size} bytes but has {room}")),
+    match size {
+        _ if size > room => Err(format!("a chunk that claims {size} bytes but has {room}")),
+        _ if size > LIMIT => Err(format!("a chunk of {size} bytes: those of more than {LIMIT} are not opened")),
+        _ => Ok((header, start..start + size as usize)),
     }
 }
 
@@ -138,7 +139,10 @@ impl Inflate {
         let size = usize::try_from(header.uncompressed_size)
             .ok()
             .filter(|_| header.uncompressed_size <= LIMIT)
-            .ok_or_else(|| format!("a chunk that claims {} uncompressed bytes", header.uncompressed_size))?;
+            .ok_or_else(|| {
+                let size = header.uncompressed_size;
+                format!("a chunk that claims {size} uncompressed bytes: those of more than {LIMIT} are not opened")
+            })?;
         self.more = false;
         let place = match header.compression {
             "" => Place::Plain,

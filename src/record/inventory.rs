@@ -31,9 +31,15 @@ pub struct Inventory {
     /// define them are lost.
     pub(super) mentioned: BTreeSet<u16>,
     pub(super) summary_only: SummaryOnly,
+    /// What the schemas and channels take, in bytes.
+    defined: u64,
     /// What is not used: in order, none touching another.
     pub(super) lost: Vec<Range<u64>>,
 }
+
+/// Most bytes that schemas and channels may take together (16 MiB): more than robots have, and little enough to be held
+/// several times over.
+pub(super) const DEFINITIONS: u64 = 1 << 24;
 
 /// Ids that only the summary section defines.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -189,12 +195,33 @@ impl Inventory {
         self.summary.chunks > 0
     }
 
+    /// Why what these records define is more than can be held, if it is.
+    pub(super) fn refuses(&self, survey: &Survey) -> Option<String> {
+        let Summary { schemas, channels, .. } = &self.summary;
+        let new =
+            survey.schemas.iter().filter(|schema| !schemas.contains_key(&schema.id)).map(Schema::size).sum::<u64>()
+                + survey
+                    .channels
+                    .iter()
+                    .filter(|channel| !channels.contains_key(&channel.id))
+                    .map(Channel::size)
+                    .sum::<u64>();
+        (new > 0 && new + self.defined > DEFINITIONS)
+            .then(|| format!("schemas and channels of more than {DEFINITIONS} bytes: no more are used"))
+    }
+
     pub(super) fn learn_schema(&mut self, schema: Schema) -> Learned {
-        learn(&mut self.summary.schemas, schema.id, schema)
+        let size = schema.size();
+        let learned = learn(&mut self.summary.schemas, schema.id, schema);
+        self.defined += if matches!(learned, Learned::New) { size } else { 0 };
+        learned
     }
 
     pub(super) fn learn_channel(&mut self, channel: Channel) -> Learned {
-        learn(&mut self.summary.channels, channel.id, channel)
+        let size = channel.size();
+        let learned = learn(&mut self.summary.channels, channel.id, channel);
+        self.defined += if matches!(learned, Learned::New) { size } else { 0 };
+        learned
     }
 }
 

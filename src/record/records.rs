@@ -9,6 +9,11 @@ use super::wire::{Fields, Put, op, record};
 use super::{Channel, Message, Schema};
 
 impl Schema {
+    /// What it takes, in bytes.
+    pub(super) fn size(&self) -> u64 {
+        (size_of::<Self>() + self.name.len() + self.encoding.len() + self.data.len()) as u64
+    }
+
     pub(super) fn parse(body: &[u8]) -> Option<Self> {
         let mut fields = Fields(body);
         let id = fields.u16().filter(|&id| id != 0)?;
@@ -26,6 +31,12 @@ impl Schema {
 }
 
 impl Channel {
+    /// What it takes, in bytes.
+    pub(super) fn size(&self) -> u64 {
+        let metadata: usize = self.metadata.iter().map(|(key, value)| 64 + key.len() + value.len()).sum();
+        (size_of::<Self>() + self.topic.len() + self.message_encoding.len() + metadata) as u64
+    }
+
     pub(super) fn parse(body: &[u8]) -> Option<Self> {
         let mut fields = Fields(body);
         Some(Self {

@@ -1,9 +1,10 @@
 //! What records look like from outside: lengths that fit an opcode, and the length that a record's own content implies.
 //! With these, a corrupt length is told from a sound one, and a record from bytes that happen to look like one.
 
-use super::chunk::LIMIT;
 use super::wire::{FRAME, op};
 
+/// Longest record that is taken for one, in bytes, though it may be too long to be held in memory.
+const LIMIT: u64 = 1 << 30;
 /// Longest attachment that is taken for one, in bytes: attachments are never held in memory.
 const LONGEST_ATTACHMENT: u64 = 1 << 48;
 

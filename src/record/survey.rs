@@ -43,6 +43,7 @@ impl Survey {
     /// Looks over all of `records`; what is wrong with them is told in words.
     pub(super) fn of(records: &[u8]) -> Result<Self, &'static str> {
         let mut survey = Self::default();
+        let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
         let mut fields = Fields(records);
         while !fields.0.is_empty() {
             let offset = (records.len() - fields.0.len()) as u64;
@@ -51,8 +52,14 @@ impl Survey {
                 op::MESSAGE => {
                     survey.message(&Message::parse(body).ok_or("a message record of less than 22 bytes")?, offset);
                 }
-                op::SCHEMA => survey.schemas.push(Schema::parse(body).ok_or("a malformed schema record")?),
-                op::CHANNEL => survey.channels.push(Channel::parse(body).ok_or("a malformed channel record")?),
+                op::SCHEMA => {
+                    let schema = Schema::parse(body).ok_or("a malformed schema record")?;
+                    note(&mut survey.schemas, &mut schemas, schema.id, schema);
+                }
+                op::CHANNEL => {
+                    let channel = Channel::parse(body).ok_or("a malformed channel record")?;
+                    note(&mut survey.channels, &mut channels, channel.id, channel);
+                }
                 _ => {}
             }
         }
@@ -63,5 +70,21 @@ impl Survey {
         self.tallies.entry(message.channel).or_default().add(message.log_time, offset);
         let (start, end) = self.span.unwrap_or((u64::MAX, 0));
         self.span = Some((start.min(message.log_time), end.max(message.log_time)));
+    }
+}
+
+/// Keeps the first record with an id, and the first that contradicts it; all others say nothing new.
+fn note<T: PartialEq>(kept: &mut Vec<T>, known: &mut BTreeMap<u16, (usize, bool)>, id: u16, record: T) {
+    match known.get_mut(&id) {
+        None => {
+            known.insert(id, (kept.len(), false));
+            kept.push(record);
+        }
+        Some((first, contradicted)) => {
+            if !*contradicted && kept.get(*first) != Some(&record) {
+                *contradicted = true;
+                kept.push(record);
+            }
+        }
     }
 }

@@ -5,6 +5,7 @@ mod damage;
 mod drive;
 mod folding;
 mod following;
+mod limits;
 mod offering;
 mod recognising;
 mod recordings;

@@ -66,7 +66,10 @@ impl Scan {
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::MESSAGE_INDEX | op::METADATA
                 if frame.length > LIMIT =>
             {
-                self.reject(frame, format!("a record of {} bytes", frame.length));
+                self.reject(
+                    frame,
+                    format!("a record of {} bytes: those of more than {LIMIT} are not read", frame.length),
+                );
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE => return self.loose_record(frame),
             op::HEADER => self.header_record(frame)?,
@@ -132,7 +135,12 @@ impl Scan {
             Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
             None => (None, false),
         };
-        match Survey::of(whole) {
+        let survey = Survey::of(whole).map_err(str::to_owned);
+        let survey = survey.and_then(|survey| match self.inventory.refuses(&survey) {
+            Some(what) => Err(what),
+            None => Ok(survey),
+        });
+        match survey {
             Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
                 self.inventory.mentioned.extend(channel);
@@ -197,6 +205,10 @@ impl Scan {
             }
             Some(Supply::Opened(_) | Supply::Absent) | None => (None, self.open_chunk(frame)?),
         };
+        let content = content.and_then(|content| match self.inventory.refuses(&content.survey) {
+            Some(what) => Err(what),
+            None => Ok(content),
+        });
         match content {
             Ok(Content { survey, .. }) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(Content { data, place, mut index, survey, more }) => {

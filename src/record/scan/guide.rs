@@ -7,6 +7,7 @@ use mcap::MAGIC;
 use super::{Scan, Stage};
 use crate::record::chunk::LIMIT;
 use crate::record::horizon::{Frame, Horizon, Stop};
+use crate::record::inventory::DEFINITIONS;
 use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use crate::record::wire::{CLOSING, DATA_END, FRAME, Fields, op};
 use crate::record::{Channel, Schema};
@@ -72,6 +73,8 @@ pub(super) struct Asking {
     start: u64,
     crc: Hasher,
     guide: Guide,
+    /// What the records below take, in bytes.
+    kept: u64,
     schemas: Vec<Schema>,
     channels: Vec<Channel>,
 }
@@ -79,7 +82,7 @@ pub(super) struct Asking {
 impl Asking {
     fn new(back: u64) -> Self {
         let (guide, schemas, channels) = Default::default();
-        Self { back, footer: None, start: 0, crc: Hasher::new(), guide, schemas, channels }
+        Self { back, footer: None, start: 0, crc: Hasher::new(), guide, kept: 0, schemas, channels }
     }
 
     /// Reads on; whether all of the section is in order.
@@ -121,6 +124,10 @@ impl Asking {
     }
 
     fn note(&mut self, frame: Frame, body: &[u8]) -> Option<()> {
+        self.kept += if matches!(frame.opcode, op::SCHEMA | op::CHANNEL) { frame.length + 256 } else { 0 };
+        if self.kept > 2 * DEFINITIONS {
+            return None;
+        }
         let (offset, length, opcode) = match frame.opcode {
             op::SCHEMA => {
                 self.schemas.push(Schema::parse(body)?);

@@ -7,7 +7,7 @@ use mcap::MAGIC;
 use super::{Scan, Stage, Step};
 use crate::record::chunk::LIMIT;
 use crate::record::horizon::{Frame, Stop};
-use crate::record::inventory::Learned;
+use crate::record::inventory::{DEFINITIONS, Learned};
 use crate::record::wire::{FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 
@@ -16,6 +16,8 @@ use crate::record::{Channel, Schema};
 pub(super) struct SummarySection {
     /// Whether DataEnd has been passed.
     pub(super) begun: bool,
+    /// What the records below take, in bytes.
+    kept: u64,
     crc: Hasher,
     schemas: Vec<Schema>,
     channels: Vec<Channel>,
@@ -26,6 +28,12 @@ impl Scan {
     pub(super) fn summary_record(&mut self, frame: Frame) -> Result<(), Stop> {
         if frame.length > LIMIT {
             self.end(format!("a record of {} bytes in the summary", frame.length));
+            return Ok(());
+        }
+        let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
+        self.summary.kept += if is_kept { frame.length + 256 } else { 0 };
+        if self.summary.kept > 2 * DEFINITIONS {
+            self.end(format!("a summary with more than {} bytes of definitions: it is not used", 2 * DEFINITIONS));
             return Ok(());
         }
         let whole = self.horizon.peek(FRAME + frame.length as usize)?;

@@ -1,0 +1,59 @@
+//! Recordings that would take more memory than a machine has: the limit is named, and the rest is used.
+
+use crate::drive::{Told, messages, scan};
+use crate::records::{channel, chunk, message, record, recording, schema, text};
+
+/// What is said of the damaged parts of a recording whose two sound messages are told.
+fn complaints(file: &[u8]) -> Vec<String> {
+    let (told, _) = scan(file);
+    assert_eq!(messages(&told).len(), 2);
+    let damage = |event: &Told| match event {
+        Told::Damage(damage) => Some(damage.what.clone()),
+        _ => None,
+    };
+    told.iter().filter_map(damage).collect()
+}
+
+/// Two sound chunks, and something between them.
+fn around(between: &[Vec<u8>]) -> Vec<u8> {
+    let sound = chunk(&[schema(3), channel(1, 3), message(1, 5)].concat());
+    recording(&[&[sound][..], between, &[chunk(&message(1, 6))]].concat(), &[])
+}
+
+fn zstd(records: &[u8], claims: u64) -> Vec<u8> {
+    let data = zstd::bulk::compress(records, 1).unwrap();
+    let (size, text) = ((data.len() as u64).to_le_bytes(), text("zstd"));
+    record(0x06, &[&[0; 16][..], &claims.to_le_bytes(), &[0; 4], &text, &size, &data].concat())
+}
+
+#[test]
+fn a_chunk_that_opens_to_more_than_is_held_is_named() {
+    for claims in [(1 << 26) + 1, 1 << 30, u64::MAX] {
+        let said = complaints(&around(&[zstd(&[0; 1000], claims)]));
+        assert_eq!(
+            said,
+            [format!("a chunk that claims {claims} uncompressed bytes: those of more than 67108864 are not opened")]
+        );
+    }
+}
+
+#[test]
+fn definitions_that_say_nothing_new_take_nothing() {
+    let same = channel(1, 3).repeat(1 << 20);
+    assert_eq!(complaints(&around(&[zstd(&same, same.len() as u64)])), [""; 0]);
+    let others: Vec<u8> = (0..100_000_u32).flat_map(|n| channel(1, 4 + (n % 60_000) as u16)).collect();
+    let said = complaints(&around(&[zstd(&others, others.len() as u64)]));
+    assert!(said.iter().all(|what| what == "channel 1 is defined twice, differently") && said.len() <= 2, "{said:?}");
+}
+
+#[test]
+fn schemas_that_take_too_much_together_are_named() {
+    let large = |id: u16| {
+        let data = "x".repeat(6 << 20);
+        record(0x03, &[&id.to_le_bytes()[..], &text("pkg/msg/T"), &text("ros2msg"), &text(&data)].concat())
+    };
+    let chunks: Vec<Vec<u8>> = (10..20).map(|id| zstd(&large(id), large(id).len() as u64)).collect();
+    let said = complaints(&around(&chunks));
+    assert_eq!(said.len(), 8, "{said:?}");
+    assert!(said.iter().all(|what| what == "schemas and channels of more than 16777216 bytes: no more are used"));
+}
