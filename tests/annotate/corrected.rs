@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::{Folder, recording};
+use crate::common::Folder;
+use crate::common::needs::recording;
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use serde_json::Value;

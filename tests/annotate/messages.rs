@@ -12,6 +12,7 @@ use stillpoint::engine::{Event, Message};
 use stillpoint::messages::{Calibration, Coverage, Noise, Segment, Stillness, Triad, Turn, Vector3, foxglove};
 use stillpoint::record::{Annotation, Block, Topic};
 
+use crate::common::needs::python;
 use crate::reader::{Schema, Value};
 use crate::{arbitrary, expected, session};
 
@@ -253,13 +254,7 @@ fn the_end_of_an_input_chunk_closes_a_block_that_holds_a_segment_or_calibration(
 
 #[test]
 fn other_programs_read_what_was_written() {
-    let Ok(python) = std::env::var("STILLPOINT_PYTHON") else {
-        assert!(std::env::var("CI").as_deref() != Ok("true"), "CI must set STILLPOINT_PYTHON");
-        eprintln!(
-            "skipped: STILLPOINT_PYTHON names no interpreter with mcap-ros2-support, mcap-protobuf-support, rosbags"
-        );
-        return;
-    };
+    let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let [ros2, protobuf] = [Encoding::Ros2, Encoding::Protobuf].map(|encoding| {
         let path = folder.path().join(format!("{encoding:?}.mcap"));

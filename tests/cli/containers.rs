@@ -1,7 +1,8 @@
 //! Recordings without an IMU, from other writers and for other reasons odd: each is annotated, or refused with the true
 //! reason, and comes back byte for byte.
 
-use crate::common::{Folder, finish, recording};
+use crate::common::needs::data;
+use crate::common::{Folder, finish};
 
 /// The file, the code that annotating it ends with, and words of why it is refused.
 const EXPECTED: [(&str, i32, &str); 22] = [
@@ -31,7 +32,7 @@ const EXPECTED: [(&str, i32, &str); 22] = [
 
 #[test]
 fn every_file_is_annotated_or_refused_with_the_true_reason() {
-    let Some(containers) = recording("../containers") else { return };
+    let Some(containers) = data("containers") else { return };
     let mut found: Vec<_> = std::fs::read_dir(&containers).unwrap().map(|entry| entry.unwrap().path()).collect();
     found.sort();
     assert_eq!(found.len(), EXPECTED.len());

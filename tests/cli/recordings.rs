@@ -3,7 +3,8 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
-use crate::common::{Folder, Run, recording};
+use crate::common::needs::{data, recording};
+use crate::common::{Folder, Run};
 use serde_json::Value;
 
 fn vector(value: &Value) -> [f64; 3] {
@@ -157,7 +158,7 @@ fn poses_that_are_no_faces_determine_the_triangular_model_in_protobuf_too() {
 
 #[test]
 fn an_encoding_that_nobody_knows_is_refused_by_name() {
-    let Some(input) = recording("../containers/rosbag2_wrong_rmw_test_0.mcap") else { return };
+    let Some(input) = data("containers/rosbag2_wrong_rmw_test_0.mcap") else { return };
     let folder = Folder::new();
     let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "out.mcap".as_ref()];
     let run = folder.run(arguments);

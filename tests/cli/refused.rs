@@ -2,6 +2,7 @@
 
 use std::process::Command;
 
+use crate::common::needs::needed;
 use crate::common::{Folder, finish};
 use stillpoint::simulate::Scenario;
 
@@ -112,13 +113,26 @@ fn no_permission_is_said() {
     };
     std::fs::create_dir(folder.path().join("locked")).unwrap();
     mode("locked", 0o555);
-    if std::fs::write(folder.path().join("locked/x"), "").is_ok() {
-        eprintln!("skipped: nothing is forbidden to root");
-        return;
-    }
-    folder.refuses("annotate demo.mcap -o locked/out.mcap", 1, &["locked/out.mcap: cannot write: permission denied"]);
+    // Nothing is forbidden to root, unless it gives that right up.
+    let capabilities = "-dac_override,-dac_read_search";
+    let limits = ["--bounding-set", capabilities, "--inh-caps", capabilities];
+    let is_root = std::fs::write(folder.path().join("locked/x"), "").is_ok();
+    let _ = std::fs::remove_file(folder.path().join("locked/x"));
+    let works = !is_root || Command::new("setpriv").args(limits).arg("true").status().is_ok_and(|s| s.success());
+    let Some(()) = needed(works.then_some(()), "setpriv, by which root gives up its rights") else { return };
+    let refuses = |line: &str, words: &str| {
+        let program = env!("CARGO_BIN_EXE_stillpoint");
+        let mut command = if is_root { Command::new("setpriv") } else { Command::new(program) };
+        if is_root {
+            command.args(limits).arg(program);
+        }
+        let run = finish(command.args(line.split_whitespace()).current_dir(folder.path()));
+        assert!(run.code == 1 && run.error().contains(words), "{line}: {}", run.stderr);
+        assert_eq!(folder.names(), ["demo.mcap", "locked"]);
+    };
+    refuses("annotate demo.mcap -o locked/out.mcap", "locked/out.mcap: cannot write: permission denied");
     mode("demo.mcap", 0o000);
-    folder.refuses("annotate demo.mcap", 1, &["demo.mcap: cannot read: permission denied"]);
+    refuses("annotate demo.mcap", "demo.mcap: cannot read: permission denied");
 }
 
 #[test]

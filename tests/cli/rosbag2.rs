@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{Folder, Run, bag_metadata, finish, recording, same_folders};
+use crate::common::needs::recording;
+use crate::common::{Folder, Run, bag_metadata, finish, same_folders};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use serde_json::{Value, json};

@@ -1,9 +1,14 @@
 //! A folder with a recording in it, and the program to run there.
 #![allow(dead_code, clippy::unwrap_used)]
 
+pub mod needs;
+
+#[allow(unused_imports)]
+pub use needs::{case, recording};
+
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
@@ -135,29 +140,4 @@ pub fn finish(command: &mut Command) -> Run {
         stdout: String::from_utf8(output.stdout).unwrap(),
         stderr: String::from_utf8(output.stderr).unwrap(),
     }
-}
-
-/// An input that failed once, or a printed line and `None` where there are none. In CI they must be there.
-pub fn case(name: &str) -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cases");
-    let path = std::env::var_os("STILLPOINT_CASES").map_or(default, PathBuf::from).join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(std::env::var("CI").as_deref() != Ok("true"), "{} is missing", path.display());
-    eprintln!("skipped: {} is not there", path.display());
-    None
-}
-
-/// A real recording, or a printed line and `None` where there are none. In CI they must be there.
-pub fn recording(name: &str) -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let data = std::env::var_os("STILLPOINT_DATA").map_or(default, PathBuf::from);
-    let path = data.join("recordings").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(std::env::var("CI").as_deref() != Ok("true"), "{} is missing", path.display());
-    eprintln!("skipped: {} is not there", path.display());
-    None
 }

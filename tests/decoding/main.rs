@@ -2,6 +2,9 @@
 //! values as independent encoders wrote, and as independent readers read.
 #![allow(clippy::unwrap_used)]
 
+#[path = "../common/needs.rs"]
+mod needs;
+
 mod cdr;
 mod hostile;
 mod idl;
@@ -15,5 +18,5 @@ mod rosmsg;
 /// So many cases, unless `PROPTEST_CASES` says how many.
 fn cases(cases: u32) -> proptest::test_runner::Config {
     let said = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok());
-    proptest::test_runner::Config { cases: said.unwrap_or(cases), failure_persistence: None, ..Default::default() }
+    proptest::test_runner::Config { cases: said.unwrap_or(cases), ..Default::default() }
 }

@@ -8,17 +8,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::imu::{Intake, Reading, Sample, Sensor};
 use stillpoint::record;
 
-/// The real recordings, or none where they are absent.
-fn recordings() -> Option<PathBuf> {
-    let data = std::env::var_os("STILLPOINT_DATA").map(PathBuf::from);
-    let data = data.unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"));
-    if data.is_dir() {
-        return Some(data.join("recordings"));
-    }
-    assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "{} is absent", data.display());
-    eprintln!("skipped: {} is absent", data.display());
-    None
-}
+use crate::needs::data;
 
 fn channel(channel: &mcap::Channel<'_>) -> (record::Channel, Option<record::Schema>) {
     let schema = channel.schema.as_ref().map(|schema| record::Schema {
@@ -71,7 +61,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn every_message_decodes_to_the_numbers_of_independent_readers() {
-    let Some(folder) = recordings() else { return };
+    let Some(folder) = data("recordings") else { return };
     let config: stillpoint::config::Config = toml::from_str(MAPPED).unwrap();
     let mut found = String::new();
     for path in files(&folder) {
@@ -122,7 +112,7 @@ fn samples(path: &std::path::Path) -> Vec<(Sensor, Sample)> {
 
 #[test]
 fn the_same_session_in_ros_1_and_ros_2_gives_the_same_samples() {
-    let Some(folder) = recordings() else { return };
+    let Some(folder) = data("recordings") else { return };
     let ros2 = samples(&folder.join("nilspod_six_face.ros2.mcap"));
     assert_eq!(ros2.len(), 2 * 10_376);
     assert_eq!(samples(&folder.join("nilspod_six_face.ros1.mcap")), ros2);
@@ -130,7 +120,7 @@ fn the_same_session_in_ros_1_and_ros_2_gives_the_same_samples() {
 
 #[test]
 fn recordings_of_ros_1_drives_are_read() {
-    let Some(folder) = recordings() else { return };
+    let Some(folder) = data("recordings") else { return };
     for (file, messages) in [("robot_localization_test1.mcap", 11_865), ("robot_localization_test2.mcap", 3_061)] {
         let samples = samples(&folder.join(file));
         assert_eq!(samples.len(), 2 * messages);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::recording;
+use crate::common::needs::recording;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

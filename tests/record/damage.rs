@@ -7,10 +7,10 @@ use std::ops::Range;
 use mcap::MAGIC;
 use mcap::read::{ChunkFlattener, LinearReader, Options, Summary};
 use mcap::records::{ChunkIndex, MessageIndex, Record};
-use rand::{RngExt as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt as _;
 
 use crate::drive::{Told, blocks, fold, messages, scan, topics};
+use crate::needs::randomness;
 use crate::recordings::Recipe;
 
 /// A message as the scan tells it.
@@ -137,7 +137,7 @@ fn of_a_recording_cut_off_anywhere_every_whole_record_is_used() {
 
 #[test]
 fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut rng = randomness();
     for sound in sound_recordings() {
         for _ in 0..625 {
             let place = rng.random_range(MAGIC.len()..sound.file.len());

@@ -10,6 +10,8 @@ use mcap::write::PrivateRecordOptions;
 use mcap::{Attachment, Compression, WriteOptions};
 use proptest::prelude::*;
 
+use crate::needs::data;
+
 /// What a recording shall hold.
 #[derive(Clone, Debug)]
 pub struct Recipe {
@@ -163,17 +165,11 @@ pub fn case(name: &str) -> Option<Vec<u8>> {
 
 /// The recordings of others, unless they are not there.
 pub fn shared() -> Vec<(PathBuf, Vec<u8>)> {
-    let root = std::env::var_os("STILLPOINT_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    if !root.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "no recordings under {}", root.display());
-        eprintln!("skipped: no recordings under {}", root.display());
-        return Vec::new();
-    }
     let folders = ["containers", "recordings", "recordings/nilspod_six_face.rosbag2"];
     let mut files: Vec<PathBuf> = folders
         .iter()
-        .flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap())
+        .filter_map(|folder| data(folder))
+        .flat_map(|folder| std::fs::read_dir(folder).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"))
         .collect();

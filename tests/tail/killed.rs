@@ -3,10 +3,10 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use rand::{RngExt as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt as _;
 
 use crate::common::Folder;
+use crate::common::needs::randomness;
 use crate::following::{Running, assert_as_batch, length, wait_for};
 use crate::recorder::{Session, Style};
 
@@ -22,7 +22,7 @@ fn kills() -> u32 {
 #[test]
 fn a_tail_that_is_killed_over_and_over_makes_what_an_undisturbed_one_makes() {
     let session = Session::six_faces();
-    let mut rng = ChaCha8Rng::seed_from_u64(kills().into());
+    let mut rng = randomness();
     let rounds = kills().div_ceil(30);
     for round in 0..rounds {
         let kills = kills() / rounds;

@@ -8,8 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use mcap::{Compression, MessageStream, WriteOptions, Writer};
+use stillpoint::simulate::{Scenario, record};
 
-use crate::common::{bag_metadata, recording};
+use crate::common::bag_metadata;
+use crate::common::needs::data_path;
 
 /// A session to record: messages, and when each is due.
 pub struct Session {
@@ -39,11 +41,16 @@ impl Default for Style {
 }
 
 impl Session {
-    /// The real six-face session, or the demonstration where there are no real ones.
+    /// The real six-face session, or where it is not there one like it: as long, at its rate.
     pub fn six_faces() -> Self {
-        let path = recording("nilspod_six_face.ros2.mcap");
-        let path = path.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/demo.mcap"));
-        Self::of(&std::fs::read(path).unwrap())
+        if let Ok(bytes) = std::fs::read(data_path("recordings/nilspod_six_face.ros2.mcap")) {
+            return Self::of(&bytes);
+        }
+        let mut scenario = Scenario::builtin("demo").unwrap();
+        scenario.pose.iter_mut().for_each(|pose| pose.rest_s = 11.0);
+        let mut bytes = Vec::new();
+        record(&scenario, &mut bytes).unwrap();
+        Self::of(&bytes)
     }
 
     /// What a recording holds.

@@ -4,6 +4,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::Folder;
+use crate::common::needs::needed;
 use crate::following::{Running, assert_as_batch, length, wait_for};
 use crate::recorder::{Session, Style};
 
@@ -184,8 +185,7 @@ fn on_a_small_disk(folder: &Folder, arguments: &str, kilobytes: usize, taken: us
     let command = ["-rm", "sh", "-c", &script];
     let run = Command::new("unshare").args(command).current_dir(folder.path()).output().unwrap();
     if run.status.code() == Some(77) || String::from_utf8_lossy(&run.stderr).contains("unshare:") {
-        eprintln!("skipped: this machine lets nobody mount a file system ({run:?})");
-        return None;
+        return needed(None, format_args!("this machine lets nobody mount a file system ({run:?})"));
     }
     let log = String::from_utf8(folder.read("log")).unwrap();
     assert!(run.status.success(), "{run:?} {log}");

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use stillpoint::simulate::{Scenario, record};
 
 use crate::common::Folder;
+use crate::common::needs::needed;
 use crate::following::{Running, wait_for};
 
 /// How many recordings appear.
@@ -92,6 +93,13 @@ fn metric(text: &str, name: &str) -> f64 {
     line.unwrap_or_else(|| panic!("no {name} in {text}")).parse().unwrap()
 }
 
+/// Kilobytes that a running program has, by a line of its status.
+fn memory(running: &Running, line: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", running.id())).unwrap_or_default();
+    let found = status.lines().find_map(|found| found.strip_prefix(line)?.trim().strip_suffix(" kB")?.parse().ok());
+    needed(found, "the memory of a program, as Linux tells it")
+}
+
 /// Inodes of the results.
 fn results(folder: &Path, found: &mut BTreeMap<PathBuf, u64>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().map(Result::unwrap) {
@@ -156,10 +164,9 @@ fn each_recording_of_a_directory_is_annotated_once_or_put_aside_with_the_reason(
         assert!(began.elapsed() < Duration::from_secs(120), "not done: {text}\n{}", log());
         std::thread::sleep(Duration::from_millis(50));
     }
-    let status = std::fs::read_to_string(format!("/proc/{}/status", running.id())).unwrap_or_default();
-    let peak =
-        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
-    assert!(peak.is_none_or(|kilobytes| kilobytes < 400 << 10), "{status}");
+    if let Some(peak) = memory(&running, "VmHWM:") {
+        assert!(peak < 400 << 10, "{peak} kB");
+    }
     let mut now = BTreeMap::new();
     results(&folder.path().join("out"), &mut now);
     assert_eq!(now.len(), done.len());
@@ -329,9 +336,11 @@ fn a_folder_whose_last_file_was_lost_with_the_power_is_annotated_once() {
     for times in [1, 0] {
         let running = start(&folder);
         wait_for("its state", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 1"));
-        std::thread::sleep(Duration::from_millis(300));
+        wait_for_another_look(&folder);
         running.kill();
-        assert_eq!(logged(&folder).matches("annotated:").count(), times, "{}", logged(&folder));
+        assert_eq!(logged(&folder).matches("annotated:").count(), times + 1, "{}", logged(&folder));
+        std::fs::remove_file(folder.path().join("in/another.mcap")).unwrap();
+        std::fs::remove_file(folder.path().join("out/another.annotated.mcap")).unwrap();
     }
     assert!(folder.read("out/bag.annotated/bag_1.mcap") == [0; 5000]);
 }
@@ -341,6 +350,20 @@ fn wait_for_results(folder: &Folder, names: &[&str]) {
     for name in names {
         wait_for(name, || folder.path().join("out").join(name).exists());
     }
+}
+
+/// Waits until the service has looked through its directory once more, and done what it found.
+fn wait_for_another_look(folder: &Folder) {
+    folder.write("in/another.mcap", &session(99));
+    wait_for_results(folder, &["another.annotated.mcap"]);
+    wait_for("its state", || logged(folder).contains("another.mcap"));
+}
+
+/// The same bytes, written at another time.
+fn touch(path: &Path) {
+    let file = std::fs::File::options().write(true).open(path).unwrap();
+    let before = file.metadata().unwrap().modified().unwrap();
+    file.set_modified(before + Duration::from_secs(1)).unwrap();
 }
 
 fn logged(folder: &Folder) -> String {
@@ -389,22 +412,21 @@ fn a_recording_that_is_changed_after_it_was_annotated_is_annotated_anew() {
     let mut changed = session(1);
     let middle = changed.len() / 2;
     changed[middle] ^= 0x55;
-    std::thread::sleep(Duration::from_millis(30));
     folder.write("in/rec.mcap", &changed);
+    touch(&folder.path().join("in/rec.mcap"));
     wait_for_results(&folder, &["rec.before-1.annotated.mcap", "rec.annotated.mcap"]);
     folder.say("annotate in/rec.mcap -o batch.mcap --accept-damage -q").ok();
     wait_for("the batch run's", || folder.read("out/rec.annotated.mcap") == folder.read("batch.mcap"));
     running.kill();
 
     // What was only touched is compared, once, and stays as it is.
-    std::thread::sleep(Duration::from_millis(30));
-    folder.write("in/rec.mcap", &changed);
+    touch(&folder.path().join("in/rec.mcap"));
     let before = std::fs::metadata(folder.path().join("out/rec.annotated.mcap")).unwrap().ino();
     let running = start(&folder);
     wait_for("the comparison", || logged(&folder).contains("annotated:"));
-    std::thread::sleep(Duration::from_millis(300));
+    wait_for_another_look(&folder);
     running.kill();
-    assert_eq!(logged(&folder).matches("annotated:").count(), 1);
+    assert_eq!(logged(&folder).matches("annotated:").count(), 2, "{}", logged(&folder));
     assert_eq!(std::fs::metadata(folder.path().join("out/rec.annotated.mcap")).unwrap().ino(), before);
 }
 
@@ -416,15 +438,15 @@ fn a_recording_that_was_annotated_before_it_appeared_is_annotated_once() {
     folder.say("annotate --in-place in/rec.mcap --set fit.gravity=9.81 -q").ok();
     let running = start(&folder);
     wait_for_results(&folder, &["rec.annotated.mcap"]);
-    std::thread::sleep(Duration::from_millis(300));
+    wait_for_another_look(&folder);
     running.kill();
-    assert_eq!(logged(&folder).matches("annotated:").count(), 1, "{}", logged(&folder));
+    assert_eq!(logged(&folder).matches("annotated:").count(), 2, "{}", logged(&folder));
     let running = start(&folder);
-    wait_for("an answer", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 1"));
+    wait_for("an answer", || get(&folder, "/metrics").1.contains("{state=\"annotated\"} 2"));
     running.kill();
     let mut found = BTreeMap::new();
     results(&folder.path().join("out"), &mut found);
-    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found.len(), 2, "{found:?}");
 }
 
 #[test]
@@ -496,10 +518,6 @@ fn a_service_does_not_grow_with_what_it_has_done() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path().join("in")).unwrap();
     let running = start(&folder);
-    let resident = || {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", running.id())).ok()?;
-        status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok())
-    };
     let mut grown = Vec::new();
     for round in 0..3 {
         for i in 0..recordings() / 2 {
@@ -507,7 +525,7 @@ fn a_service_does_not_grow_with_what_it_has_done() {
         }
         let done = format!("{{state=\"annotated\"}} {}\n", (round + 1) * (recordings() / 2));
         wait_for("the results", || get(&folder, "/metrics").1.contains(&done));
-        grown.extend(resident());
+        grown.extend(memory(&running, "VmRSS:"));
     }
     running.kill();
     eprintln!("resident after each third, kB: {grown:?}");

@@ -10,7 +10,7 @@ use stillpoint::messages::triad::{Model, Status};
 use stillpoint::record;
 
 use super::learned::Learned;
-use crate::common;
+use crate::common::needs::recording;
 
 /// What an engine learns from the accelerometer and gyroscope of a recording's first IMU.
 fn learn(path: &Path) -> Learned {
@@ -62,7 +62,7 @@ fn real_recordings_that_show_no_six_faces_say_what_is_missing() {
         ("mpu9150_0_19_poses.ros2.mcap", &["lying flat"]),
         ("mpu9150_1_20_poses.protobuf.mcap", &["lying flat"]),
     ] {
-        let Some(path) = common::recording(name) else { return };
+        let Some(path) = recording(name) else { return };
         let learned = learn(&path);
         for accelerometer in learned.calibrations().iter().filter_map(|c| c.accelerometer.as_ref()) {
             let determined = accelerometer.status() != Status::Undetermined;
@@ -86,7 +86,7 @@ fn nothing_is_suspected_of_real_sensors() {
         "robot_localization_test1.mcap",
         "robot_localization_test2.mcap",
     ] {
-        let Some(path) = common::recording(name) else { return };
+        let Some(path) = recording(name) else { return };
         let learned = learn(&path);
         for words in ["flipped", "check that its axes", "deg/s", "relaxes", "never changes", "published twice", "range"]
         {
@@ -98,7 +98,7 @@ fn nothing_is_suspected_of_real_sensors() {
 #[test]
 fn an_axis_that_is_flipped_in_a_real_session_is_named() {
     for axis in 0..3 {
-        let Some(path) = common::recording("nilspod_six_face.ros2.mcap") else { return };
+        let Some(path) = recording("nilspod_six_face.ros2.mcap") else { return };
         let learned = learn_through(&path, |sensor, mut value| {
             if sensor == Sensor::Accelerometer {
                 value[axis] = -value[axis];
