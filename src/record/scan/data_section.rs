@@ -1,6 +1,7 @@
 //! The records in front of DataEnd. What stands behind a chunk is left to [`message_indexes`](super::message_indexes),
 //! attachments to [`attachments`](super::attachments).
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::message_indexes::OpenChunk;
@@ -185,10 +186,13 @@ impl Scan {
 
     /// Whether there are messages of channels that neither these records nor those before them define.
     fn is_at_a_loss(&self, survey: &Survey) -> bool {
-        let known = |id: &u16| {
-            self.inventory.channels().contains_key(id) || survey.channels.iter().any(|channel| channel.id == *id)
-        };
-        !survey.tallies.keys().all(known)
+        let channels = self.inventory.channels();
+        let mut new = survey.tallies.keys().filter(|id| !channels.contains_key(id)).peekable();
+        if new.peek().is_none() {
+            return false;
+        }
+        let defined: BTreeSet<u16> = survey.channels.iter().map(|channel| channel.id).collect();
+        !new.all(|id| defined.contains(id))
     }
 
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
