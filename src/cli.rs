@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use stillpoint::report::{Axes, Format};
 
@@ -80,7 +81,7 @@ pub struct Against {
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
     /// Which way the axes of the recording point, if --against is an autopilot's
-    #[arg(long, requires = "against")]
+    #[arg(long, requires = "against", value_parser = one_of(Axes::ALL))]
     pub axes: Option<Axes>,
 }
 
@@ -217,6 +218,17 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&number| number > 0).ok_or_else(|| "expected a number from 1 on".to_owned())
 }
 
+/// A choice among these: value, name, and what is said of it.
+fn one_of<T: Copy + Send + Sync + 'static>(
+    all: &'static [(T, &'static str, &'static str)],
+) -> impl TypedValueParser<Value = T> {
+    let names = all.iter().map(|&(_, name, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).try_map(move |typed| {
+        let chosen = all.iter().find(|(_, name, _)| *name == typed);
+        chosen.map(|&(value, ..)| value).ok_or("no such choice")
+    })
+}
+
 /// `500ms`, `30s`, `5min`, `2h`; a bare number is in seconds.
 fn duration(text: &str) -> Result<Duration, String> {
     let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
@@ -282,7 +294,7 @@ pub struct Export {
     #[arg(long)]
     pub accept_damage: bool,
     /// What to write
-    #[arg(long)]
+    #[arg(long, value_parser = one_of(Format::ALL))]
     pub format: Format,
     /// Which IMU, where a format holds one and there are several
     #[arg(long, value_name = "NAME")]
@@ -297,7 +309,7 @@ pub struct Export {
     #[arg(long, value_name = "FILE", conflicts_with = "raw")]
     pub in_force: Option<PathBuf>,
     /// Which way the axes of the recording point: forward-left-up (ROS) or forward-right-down
-    #[arg(long)]
+    #[arg(long, value_parser = one_of(Axes::ALL))]
     pub axes: Option<Axes>,
     /// Which of the autopilot's sensors
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -324,7 +336,7 @@ pub struct Import {
     #[arg(long)]
     pub topic: Option<String>,
     /// Which way the axes of the recordings point, for parameters of an autopilot
-    #[arg(long)]
+    #[arg(long, value_parser = one_of(Axes::ALL))]
     pub axes: Option<Axes>,
     /// Where to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]

@@ -3,8 +3,10 @@
 //! What a key means is said by the layer that owns it. Reading files is left to the [shell](crate::run).
 
 mod check;
+mod error;
 mod layer;
 
+pub use error::Error;
 pub use layer::{Layer, overlay};
 
 use serde::{Deserialize, Serialize};
@@ -54,46 +56,6 @@ impl Config {
     pub fn canonical(&self) -> String {
         toml::to_string(self).unwrap_or_else(|e| unreachable!("a configuration is a TOML document: {e}"))
     }
-}
-
-/// What is wrong with a configuration, and where.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Error {
-    /// Not TOML.
-    #[error("{at}: {why}")]
-    Syntax {
-        /// File and line, or the option.
-        at: String,
-        /// What the parser says.
-        why: String,
-    },
-    /// A key, or the name of a choice, that does not exist.
-    #[error("{at}: `{key}`: no such {kind} `{name}`{advice}")]
-    Unknown {
-        /// File and line, or the option.
-        at: String,
-        /// The dotted key.
-        key: String,
-        /// "key" or "choice".
-        kind: &'static str,
-        /// What was written.
-        name: String,
-        /// The nearest valid name, or all of them.
-        advice: String,
-    },
-    /// A value of the wrong type or outside its range.
-    #[error("{at}: `{key}`: {why}")]
-    Value {
-        /// File and line, or the option.
-        at: String,
-        /// The dotted key.
-        key: String,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// Not `key=value`.
-    #[error("--set {0}: expected key=value, for example --set still.min_fit_s=2")]
-    Set(String),
 }
 
 #[cfg(test)]

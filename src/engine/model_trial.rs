@@ -4,13 +4,13 @@
 use nalgebra::Vector3;
 
 use super::drift::{Drift, drift};
+use super::givens::{Givens, per_axis};
 use super::observations::{self, Placed};
 use super::outliers::{self, Doubt, LeftOut, Sound};
 use super::reference::Reference;
 use super::refusal::{Refusal, held_back};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
-use super::solution::{Givens, per_axis};
 use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{Bounds, Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
 use crate::messages::segment::Reason;

@@ -2,11 +2,9 @@
 
 use super::drift::Drift;
 use super::fault::Fault;
-use super::reference::Reference;
 use super::refusal::Refusal;
-use super::turning::Turning;
+use super::turn_outcome::Turning;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
-use crate::turns::History;
 
 /// Estimates that the rests determine, and the reasons for those that they do not.
 #[derive(Clone, Debug)]
@@ -57,22 +55,4 @@ pub(super) enum Missing {
     Direction(String),
     /// Motion beside the reference.
     Motion,
-}
-
-/// Knowledge beside the rests.
-pub(super) struct Givens<'a> {
-    pub(super) gravity: Gravity,
-    /// The accelerometer's quantisation step, m/s².
-    pub(super) step: Option<f64>,
-    /// The model that was published last.
-    pub(super) kept: Option<Parameterisation>,
-    pub(super) reference: Option<&'a Reference>,
-    pub(super) turns: &'a History,
-    /// What the gyroscope reads at most, rad/s, by its datasheet.
-    pub(super) gyro_range: Option<f64>,
-}
-
-/// Of one axis, what is √(Σ variance) of three.
-pub(super) fn per_axis(floor: f64) -> f64 {
-    floor / 3_f64.sqrt()
 }

@@ -6,13 +6,14 @@ use std::collections::BTreeSet;
 use nalgebra::{DVector, Vector3};
 
 use super::config::Config;
+use super::givens::{Givens, per_axis};
 use super::model_trial::{self, ModelTrial, Trial};
 use super::observations::{self, Placed};
 use super::preset::secondary_bounds;
 use super::refusal::{Refusal, held_back};
 use super::rest_history::{JudgedRest, Verdict};
 use super::rest_judge::{Judge, Poses};
-use super::solution::{Givens, Missing, Solution, per_axis};
+use super::solution::{Missing, Solution};
 use super::turning;
 use crate::fit::{
     self, Calibration, Check, Estimate, Fixture, Gravity, Model, Parameterisation, Place, Reading, Source, directions,

@@ -176,7 +176,7 @@ const PRECISE: f64 = 0.005;
 /// Of the gyroscope's entries alone, and of the accelerometer's with them.
 const CONDITIONED: [f64; 2] = [50.0, 100.0];
 
-type Row = SVector<f64, UNKNOWNS>;
+type TurnRow = SVector<f64, UNKNOWNS>;
 /// Residual and derivatives of a turn, weighted.
 type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
@@ -204,12 +204,12 @@ pub fn fit(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) 
     let g_sensitivity = session.g_sensitivity(&calibration);
     let by_up = g_sensitivity.as_ref().map_or(Matrix3::zeros(), |g| g.by_up);
     let everything = vec![true; session.turns.len()];
-    let mut all = Solution::of(session, &given, by_up, &everything)?;
+    let mut all = TurnSolution::of(session, &given, by_up, &everything)?;
     let mut kept = everything;
     let left_out = all.contradicting();
     if let Some(wrong) = left_out {
         kept[wrong] = false;
-        all = Solution::of(session, &given, by_up, &kept)?;
+        all = TurnSolution::of(session, &given, by_up, &kept)?;
     }
     all.summarise(&kept, left_out, g_sensitivity)
 }
@@ -384,28 +384,28 @@ struct Level {
 const AS_ASSUMED: Level = Level { share: 1.0, added: 0.0 };
 
 /// Equations solved at some weights.
-struct Solved {
-    step: Row,
+struct SolvedTurns {
+    step: TurnRow,
     covariance: Square,
     squares: f64,
     freedom: f64,
 }
 
 /// A fit of some of the turns.
-struct Solution<'a> {
+struct TurnSolution<'a> {
     given: &'a Given,
-    at: Row,
+    at: TurnRow,
     kept: Vec<bool>,
     equations: Vec<Equations>,
     level: Level,
 }
 
-impl<'a> Solution<'a> {
+impl<'a> TurnSolution<'a> {
     fn of(session: &TurnSession, given: &'a Given, by_up: Matrix3<f64>, kept: &[bool]) -> Result<Self, TooLittle> {
         const ROUNDS: usize = 3;
         /// Of an entry: less than a hundredth of what any recording tells.
         const NEAR: f64 = 1e-6;
-        let mut at = Row::zeros();
+        let mut at = TurnRow::zeros();
         at.fixed_rows_mut::<9>(9).copy_from(&given.mean);
         let mut found = Self { given, at, kept: kept.to_vec(), equations: Vec::new(), level: AS_ASSUMED };
         for round in 0..ROUNDS {
@@ -472,22 +472,22 @@ impl<'a> Solution<'a> {
         Some(white)
     }
 
-    fn solve(&self, level: Level, without: Option<usize>) -> Option<Solved> {
+    fn solve(&self, level: Level, without: Option<usize>) -> Option<SolvedTurns> {
         let white = self.whitened(level, without)?;
         let mut information = Square::zeros();
-        let mut moment = Row::zeros();
+        let mut moment = TurnRow::zeros();
         for (residual, by) in &white {
             information += by.tr_mul(by);
             moment += by.tr_mul(residual);
         }
-        let mut start = Row::zeros();
+        let mut start = TurnRow::zeros();
         start.fixed_rows_mut::<9>(9).copy_from(&self.given.mean);
         let factor = (information + self.given.prior).cholesky()?;
         let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
         let covariance = factor.inverse();
         let squares = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
         let known = (covariance * information).trace();
-        Some(Solved { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
+        Some(SolvedTurns { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
     }
 
     /// The turn without which the others agree, if there is one beyond chance.
@@ -564,7 +564,7 @@ impl<'a> Solution<'a> {
     }
 
     /// Of what the turns alone say of the gyroscope, and of the accelerometer's entries where they are not known otherwise.
-    fn condition(&self, solved: &Solved) -> Option<f64> {
+    fn condition(&self, solved: &SolvedTurns) -> Option<f64> {
         let wanted: Vec<usize> = (0..9).chain(OFF.into_iter().filter(|_| !self.given.triangular)).collect();
         let marginal = DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| solved.covariance[(wanted[i], wanted[j])]);
         let mut information = marginal.try_inverse()?;
@@ -577,7 +577,7 @@ impl<'a> Solution<'a> {
 
     /// Whether the others say the same without any one turn, and as precisely as is asked for. What a turn adds to those
     /// before it is taken out again (the deletion formula of Cook and Weisberg, "Residuals and influence in regression", 1982).
-    fn is_redundant(&self, solved: &Solved, sensitivity: &Matrix3<f64>, half_widths: &SVector<f64, 9>) -> bool {
+    fn is_redundant(&self, solved: &SolvedTurns, sensitivity: &Matrix3<f64>, half_widths: &SVector<f64, 9>) -> bool {
         let Some(white) = self.whitened(self.level, None) else { return false };
         white.iter().all(|(residual, by)| {
             let gain = solved.covariance * by.transpose();
@@ -597,7 +597,7 @@ const ENTRIES: [&str; 9] =
     ["the x scale", "x by y", "x by z", "y by x", "the y scale", "y by z", "z by x", "z by y", "the z scale"];
 
 /// C of the unknowns.
-fn inverse_of(at: &Row) -> Matrix3<f64> {
+fn inverse_of(at: &TurnRow) -> Matrix3<f64> {
     Matrix3::identity() + Matrix3::from_fn(|row, column| at[3 * row + column])
 }
 
@@ -634,7 +634,7 @@ impl Direction {
     }
 }
 
-fn linearise(session: &TurnSession, given: &Given, by_up: Matrix3<f64>, at: &Row) -> Vec<Equations> {
+fn linearise(session: &TurnSession, given: &Given, by_up: Matrix3<f64>, at: &TurnRow) -> Vec<Equations> {
     let candidate = Candidate::of_inverse(inverse_of(at));
     let parameters = DVector::from_iterator(9, at.iter().skip(9).copied());
     let accelerometer = Parameterisation::TRIANGULAR.calibration(&parameters);

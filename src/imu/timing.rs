@@ -2,6 +2,7 @@
 //! that come a little late. What lies further apart than that is left to the segmenter.
 
 mod order;
+mod read;
 mod stamps;
 
 use std::collections::BTreeMap;
@@ -9,8 +10,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use self::order::Order;
+pub use self::read::Read;
 use self::stamps::Stamps;
-use super::sample::{ImuId, Reading, Sensor};
+use super::sample::ImuId;
 
 /// Puts the readings of a recording's IMUs into the order of their times.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,9 +23,6 @@ pub struct Timing {
     stamps: BTreeMap<(u16, ImuId), Stamps>,
     orders: Vec<Order>,
 }
-
-/// A reading, and whose it is.
-pub type Read = (ImuId, Sensor, Reading);
 
 impl Timing {
     /// Sorts readings that come up to `late_s` seconds late.

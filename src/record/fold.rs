@@ -7,40 +7,12 @@ use std::ops::Range;
 use crc32fast::Hasher;
 
 use super::emitter::{Emitter, Manner, Taken, combine};
+use super::marks::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use super::records::{AttachmentIndex, Header, MetadataIndex, write_metadata};
 use super::reindex::{self, Reindexed, Reindexing};
 use super::summary::Summary;
 use super::wire::{FRAME, Put, op};
-use super::{Block, Error, Inventory, Topic};
-
-/// Name of the metadata record that says how annotations came about.
-pub(super) const METADATA: &str = "stillpoint";
-/// Its key for the length in bytes of what was copied from the original, in an annotated recording.
-pub(super) const PREFIX: &str = "prefix";
-/// Its key for the length of the message indexes behind the prefix that a recording which was cut off lacked.
-pub(super) const COMPLETED: &str = "completed";
-/// Its key for the length of what stands behind the metadata once more, since it is whole behind the prefix of a damaged
-/// recording, with what else defines its channels.
-pub(super) const RECOVERED: &str = "recovered";
-/// Its key for where the last whole record of such a recording ends.
-pub(super) const WHOLE: &str = "whole";
-/// Name of the attachment that keeps what stands behind the prefix in the original.
-pub(super) const TAIL: &str = "stillpoint.tail";
-/// Name of the attachment that holds the message indexes of chunks behind which they are damaged.
-pub(super) const INDEXES: &str = "stillpoint.indexes";
-/// What our headers start with.
-pub(super) const LIBRARY: &str = "stillpoint ";
-
-/// A part of the annotated recording.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Piece {
-    /// These bytes of the original.
-    Original(Range<u64>),
-    /// These bytes.
-    Bytes(Vec<u8>),
-    /// All chunk indexes that were taken, one behind the other: so many bytes.
-    Indexes(u64),
-}
+use super::{Block, Error, Inventory, Piece, Topic};
 
 /// What stands behind the [prefix](Inventory::prefix) of the original.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,7 +35,7 @@ pub struct Fold {
     /// What the recording knows of those that nobody took, and of how long all are together.
     reindexing: Reindexing,
     /// The attachment that holds message indexes, once it has begun.
-    indexes: Option<Attaching>,
+    indexes: Option<OpenAttachment>,
 }
 
 impl Fold {
@@ -162,7 +134,7 @@ impl Fold {
         }
         let mut pieces = Vec::new();
         let attachment = self.indexes.get_or_insert_with(|| {
-            let (attachment, front) = Attaching::begin(emitter, INDEXES, self.reindexing.length);
+            let (attachment, front) = OpenAttachment::begin(emitter, INDEXES, self.reindexing.length);
             pieces.push(Piece::Bytes(front));
             attachment
         });
@@ -197,7 +169,7 @@ impl Fold {
 
 /// The attachment that keeps the original's tail.
 fn keep_tail(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
-    let (Attaching { index, crc }, front) = Attaching::begin(emitter, TAIL, tail.length);
+    let (OpenAttachment { index, crc }, front) = OpenAttachment::begin(emitter, TAIL, tail.length);
     emitter.summary.attachments.push(index);
     emitter.pass_unseen(tail.length, tail.crc);
     let crc = combine(crc.finalize(), tail.crc, tail.length).to_le_bytes();
@@ -223,12 +195,12 @@ fn recover(emitter: &mut Emitter, recovered: &[Range<u64>], mut named: Summary) 
 }
 
 /// An attachment of which the head has been written.
-struct Attaching {
+struct OpenAttachment {
     index: AttachmentIndex,
     crc: Hasher,
 }
 
-impl Attaching {
+impl OpenAttachment {
     /// Begins an attachment of so many bytes here. What stands in front of them comes with it.
     fn begin(emitter: &mut Emitter, name: &str, data_size: u64) -> (Self, Vec<u8>) {
         let until = emitter.summary.span.map_or(0, |(_, until)| until);

@@ -1,6 +1,8 @@
 //! How far a recording is whole: a window of its bytes, walked one `[opcode][length][body]` frame at a time.
 //! What is in the frames is left to [`Scan`](super::Scan).
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::shape::end;
@@ -84,6 +86,11 @@ impl Horizon {
 
     pub(super) fn offset(&self) -> u64 {
         self.offset
+    }
+
+    /// A part of what is buffered.
+    pub(super) fn within(&self, range: &Range<usize>) -> &[u8] {
+        self.buffered().get(range.clone()).unwrap_or_default()
     }
 
     /// The next `length` bytes.

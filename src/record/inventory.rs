@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::fold::{INDEXES, METADATA, TAIL};
+use super::marks::{INDEXES, METADATA, TAIL};
 use super::records::Header;
 use super::summary::Summary;
 use super::survey::Survey;

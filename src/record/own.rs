@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use mcap::MAGIC;
 
-use super::fold::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
+use super::marks::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
 use super::walk::{ReadAt, Walk, read, summary_section};
 use super::wire::{DATA_END, FRAME, Fields, op};

@@ -1,35 +1,47 @@
 //! A recording's bytes in, its messages out: a state machine that asks for bytes and never waits for them.
 //! What the messages mean is left to [`imu`](crate::imu), reading files and waiting for more to the shell.
+//!
+//! Files named after things (`message_indexes`, `search`, `guide`, …) hold the parts of its state, files named after what
+//! is done (`check_indexes`, `resync`, `ask_summary`, …) the steps from one stage to the next.
 
+mod ask_summary;
 mod attachments;
 mod bounds;
+mod check_crc;
+mod check_indexes;
+mod damage;
 mod data_crc;
-mod data_section;
 mod event;
 mod guide;
+mod judge_length;
 mod message_indexes;
 mod original;
 mod position;
+mod read_attachment;
+mod read_data;
+mod read_summary;
+mod recognise_original;
+mod resume;
+mod resync;
 mod search;
 mod summary_section;
-mod trouble;
+mod telling;
 
-use std::collections::{BTreeMap, VecDeque};
-use std::ops::Range;
+use std::collections::VecDeque;
 
 use mcap::MAGIC;
 
 use self::attachments::Attaching;
 use self::bounds::Bounds;
 use self::data_crc::DataCrc;
-use self::data_section::Telling;
 pub use self::event::{Damage, Event};
 use self::guide::{Asking, Guide};
-use self::message_indexes::{OpenChunk, Reindexing};
+use self::message_indexes::{ChunkReindexing, IndexCheck};
 use self::original::{Ours, Recognising};
 pub use self::position::Position;
-use self::search::Search;
+use self::search::{Search, Synchronisation};
 use self::summary_section::SummarySection;
+use self::telling::Telling;
 use super::chunk::{Inflate, Opened};
 use super::horizon::{Extent, Frame, Horizon, Stop};
 use super::wire::{FRAME, op};
@@ -40,6 +52,14 @@ use super::{Error, Inventory, Message};
 /// A record counts only if it is whole and its CRC holds; the messages of a chunk come out only if all of the chunk is
 /// in order. Where the framing is lost, reading resumes at the next whole record, in a recording that still grows once
 /// it is finished. The events are a function of the recording's bytes alone, not of the pieces in which they arrive.
+///
+/// When to call what: [`next_event`](Self::next_event) until it says [`End`](Event::End). Upon [`Read`](Event::Read), put
+/// the bytes into [`insert`](Self::insert), say how many with [`notify_read`](Self::notify_read), and call it again.
+/// Upon [`Wait`](Event::Wait), first say with [`extend`](Self::extend) that the recording has grown, or with
+/// [`finish`](Self::finish) that it will not. Upon [`Chunk`](Event::Chunk), which only comes if chunks are
+/// [offered](Self::offering_chunks), first say with [`supply`](Self::supply) what becomes of it, then take back the memory
+/// of the one before with [`spent`](Self::spent). After any event, [`take_indexes`](Self::take_indexes) and
+/// [`take_reindexed`](Self::take_reindexed) keep memory flat.
 ///
 /// ```
 /// # fn read(file: &[u8]) -> Result<u64, stillpoint::record::Error> {
@@ -70,19 +90,8 @@ pub struct Scan {
     stage: Stage,
     /// To be told before going on.
     queue: VecDeque<Step>,
-    /// The chunk whose message indexes are being collected.
-    chunk: Option<OpenChunk>,
-    /// Message indexes that follow belong to a chunk that does not count.
-    orphans: bool,
-    /// Length of the last and of the longest message outside chunks, by channel.
-    lengths: BTreeMap<u16, (u64, u64)>,
-    /// Where a record begins whose length is not to be doubted.
-    trusted: Option<u64>,
-    /// Bytes of what looked like records and were none. Where they are many more than the recording has, long ones are
-    /// not looked at any more: the same bytes may pass for the end of a record at every place in front of them.
-    doubted: u64,
-    /// What the last search came to: from where, and what it found.
-    found: Option<(u64, Option<u64>)>,
+    indexes: IndexCheck,
+    sync: Synchronisation,
     /// What the summary says, once it was asked.
     guide: Option<Guide>,
     /// What the summary section says, until its CRC is known.
@@ -133,7 +142,7 @@ enum Stage {
     Telling(Telling),
     Attaching(Attaching),
     Asking(Box<Asking>),
-    Reindexing(Box<Reindexing>),
+    Reindexing(Box<ChunkReindexing>),
     Searching(Search),
     EndMagic,
     Done,
@@ -330,7 +339,7 @@ impl Scan {
         }
         let bounds = self.bounds(frame)?;
         let is_in_disguise = self.is_index_in_disguise(frame)?;
-        if let Some(chunk) = &mut self.chunk {
+        if let Some(chunk) = &mut self.indexes.chunk {
             chunk.followed |= is_in_disguise || frame.opcode == op::MESSAGE_INDEX;
         }
         if is_in_disguise {
@@ -350,7 +359,7 @@ impl Scan {
             Bounds::Sound if self.summary.begun => self.summary_record(frame),
             Bounds::Sound => self.data_record(frame),
             Bounds::Ends(next) => {
-                self.orphans = true;
+                self.indexes.orphans = true;
                 self.inventory.lose(frame.offset..next);
                 self.damage(
                     frame.offset,
@@ -372,9 +381,4 @@ impl Scan {
         }
         self.stage = Stage::Record;
     }
-}
-
-/// The part of what `horizon` has buffered.
-fn within<'a>(horizon: &'a Horizon, range: &Range<usize>) -> &'a [u8] {
-    horizon.buffered().get(range.clone()).unwrap_or_default()
 }

@@ -4,11 +4,9 @@
 use std::io;
 use std::ops::Range;
 
-use mcap::MAGIC;
-
 use super::Error;
+use super::footer::{CLOSING, Footer};
 use super::horizon::{Extent, Frame, Horizon, Stop};
-use super::wire::{CLOSING, DATA_END, Fields, op};
 
 /// Something whose bytes can be read anywhere.
 pub trait ReadAt {
@@ -91,14 +89,15 @@ impl Walk {
     }
 }
 
+/// The footer at a file's end, if its recorder closed it.
+pub(super) fn footer(file: &mut impl ReadAt, length: u64) -> Result<Option<Footer>, Error> {
+    let Some(offset) = length.checked_sub(CLOSING as u64) else { return Ok(None) };
+    Ok(Footer::parse(&read(file, offset..length)?, offset))
+}
+
 /// Where the summary section of a file stands, footer excluded, by the footer at the file's end.
 pub(super) fn summary_section(file: &mut impl ReadAt, length: u64) -> Result<Option<Range<u64>>, Error> {
-    let Some(footer) = length.checked_sub(CLOSING) else { return Ok(None) };
-    let closing = read(file, footer..length)?;
-    let mut fields = Fields(&closing);
-    let is_footer = fields.u8() == Some(op::FOOTER) && fields.u64() == Some(20) && closing.ends_with(MAGIC);
-    let start = fields.u64().filter(|&start| is_footer && (DATA_END..=footer).contains(&start));
-    Ok(start.map(|start| start..footer))
+    Ok(footer(file, length)?.map(|footer| footer.section))
 }
 
 /// The bytes in a range.

@@ -7,10 +7,16 @@ pub(super) use mcap::records::op;
 
 /// Opcode and length in front of each record.
 pub(super) const FRAME: usize = 9;
-/// Of a footer record and the magic behind it.
-pub(super) const CLOSING: u64 = FRAME as u64 + 20 + 8;
 /// Of a DataEnd record.
 pub(super) const DATA_END: u64 = FRAME as u64 + 4;
+
+/// How many bytes tell whether a file is MCAP.
+pub const START: usize = mcap::MAGIC.len();
+
+/// Whether a file that begins so is MCAP.
+pub fn is_beginning(bytes: &[u8]) -> bool {
+    bytes.starts_with(mcap::MAGIC)
+}
 
 /// Takes fields off the front of a record's body; `None` once it is too short or a string is not UTF-8.
 #[derive(Clone)]

@@ -1,11 +1,9 @@
 //! Calibrations in the formats of other programs. Each converts direction, axes and units, says so in its header with
 //! the source of its convention, and refuses what it cannot hold.
 
-mod autopilot;
+pub(super) mod autopilot;
 mod imu_calib;
 mod kalibr;
-
-pub(super) use autopilot::{ardupilot, px4};
 
 use serde_json::json;
 
@@ -14,8 +12,8 @@ use crate::fit::Calibration;
 use crate::messages::{self, Triad};
 use crate::printable;
 
-/// A format. What is said of each is shown to those who choose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+/// A format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Everything, for programs
     Json,
@@ -31,6 +29,19 @@ pub enum Format {
     Px4,
     /// INS_ACC*, INS_GYR* for ground stations
     Ardupilot,
+}
+
+impl Format {
+    /// Every format, the name that it is chosen by, and what is said of it.
+    pub const ALL: &[(Self, &str, &str)] = &[
+        (Self::Json, "json", "Everything, for programs"),
+        (Self::Yaml, "yaml", "The same as YAML"),
+        (Self::Kalibr, "kalibr", "Intrinsics in the layout of Kalibr's results"),
+        (Self::KalibrInput, "kalibr-input", "Kalibr's imu.yaml: noise densities and rate"),
+        (Self::ImuCalib, "imu-calib", "SM and bias of dpkoch/imu_calib"),
+        (Self::Px4, "px4", "CAL_ACC*, CAL_GYRO* for QGroundControl"),
+        (Self::Ardupilot, "ardupilot", "INS_ACC*, INS_GYR* for ground stations"),
+    ];
 }
 
 /// What an export has to be told.
@@ -72,7 +83,7 @@ pub enum Readings {
 }
 
 /// Which way the axes of a sensor point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// Forward, left, up: ROS
     Flu,
@@ -81,6 +92,10 @@ pub enum Axes {
 }
 
 impl Axes {
+    /// Both, the name that each is chosen by, and what is said of it.
+    pub const ALL: &[(Self, &str, &str)] =
+        &[(Self::Flu, "flu", "Forward, left, up: ROS"), (Self::Frd, "frd", "Forward, right, down: autopilots")];
+
     /// The signs that turn the axes of the one into those of the other, both ways.
     pub(super) fn signs_to(self, other: Self) -> [f64; 3] {
         if self == other { [1.0; 3] } else { [1.0, -1.0, -1.0] }

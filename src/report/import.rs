@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 
-use super::export::{ardupilot, px4};
+use super::export::autopilot::{ardupilot, px4};
 use super::words::model_named;
 use super::{Axes, Findings, Parameters, row_major};
 use crate::messages::triad::{Model, Status};

@@ -8,15 +8,14 @@ mod numbers;
 mod rests;
 mod signal;
 
-use std::borrow::Cow;
 use std::fmt::Write as _;
 
+pub(super) use super::html::escape;
 use super::{Findings, Timeline, calibration, model, vector};
 use crate::Stamp;
 use crate::messages::foxglove::log::Level;
 use crate::messages::triad::Status;
 use crate::messages::{Segment, Triad};
-use crate::printable;
 
 /// What a report is about.
 #[derive(Debug)]
@@ -235,29 +234,6 @@ fn list(class: &str, lines: &[String]) -> String {
 /// A section under its heading; nothing if it is empty.
 fn section(heading: &str, content: &str) -> String {
     if content.is_empty() { String::new() } else { format!("<section><h3>{heading}</h3>{content}</section>") }
-}
-
-/// Text that a recording cannot break out of. Lines stay lines.
-pub(super) fn escape(text: &str) -> Cow<'_, str> {
-    if text.contains('\n') {
-        return text.split('\n').map(escape).collect::<Vec<_>>().join("\n").into();
-    }
-    let text = printable(text);
-    if !text.contains(|c: char| "<>&\"'".contains(c)) {
-        return text;
-    }
-    let mut escaped = String::with_capacity(text.len() + 16);
-    for c in text.chars() {
-        match c {
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '&' => escaped.push_str("&amp;"),
-            '"' => escaped.push_str("&quot;"),
-            '\'' => escaped.push_str("&#39;"),
-            c => escaped.push(c),
-        }
-    }
-    Cow::Owned(escaped)
 }
 
 /// With a capital at its beginning and a stop at its end.

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use super::page::escape;
+use super::html::escape;
 
 /// A drawing of values over values.
 pub(super) struct Plot {

@@ -1,6 +1,6 @@
 //! The batch path: a finished recording in, an annotated recording or a sidecar out.
 //!
-//! Learning from it is left to [`lesson`], writing to [`draft`]; what is said about it to the commands.
+//! Learning from it is left to [`split_learner`], writing to [`annotated_writer`]; what is said about it to the commands.
 
 mod annotated_writer;
 mod split_learner;
@@ -12,8 +12,8 @@ use std::thread;
 use std::time::Duration;
 
 pub(super) use self::annotated_writer::Indexes;
-use self::annotated_writer::{Draft, Kept, NextBlock, write_annotated, write_sidecar};
-use self::split_learner::Lesson;
+use self::annotated_writer::{Kept, NextBlock, ReadSplit, write_annotated, write_sidecar};
+use self::split_learner::SplitLearner;
 use crate::Error;
 use crate::annotate::{Corrected, Corrections};
 use crate::config::Config;
@@ -22,39 +22,13 @@ use crate::pipeline::correction_pass::CorrectionPass;
 use crate::pipeline::learner::{Learned, not_corrected, uncorrected};
 use crate::record::{Block, Channel, Damage, Event, Inventory, Topic};
 use crate::report::Findings;
-use crate::run::input::recording::{Listener, Watch};
+use crate::run::input::recording::Watch;
 use crate::run::input::rosbag2::Contents;
+use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
-pub(super) use crate::run::output::set::Target;
-
-/// How to annotate.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Options {
-    /// What to write.
-    pub form: Form,
-    /// Replace an output that exists.
-    pub force: bool,
-    /// Write a result even if no topic is an IMU.
-    pub allow_no_imu: bool,
-    /// Also read the chunks that hold nothing of use.
-    pub verify: bool,
-    /// Wait until the output is on the device.
-    pub sync: bool,
-}
-
-/// What to write.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Form {
-    /// The recording with its annotations, as a new file.
-    #[default]
-    Annotated,
-    /// The same, in the place of the recording itself, which must have been opened for
-    /// [`Access::Change`](super::Access::Change). Always synced.
-    InPlace,
-    /// The annotations alone.
-    Sidecar,
-}
+pub use crate::run::output::options::{Form, Options};
+pub(super) use crate::run::output::set::OutputSet;
 
 /// What was found in a recording.
 #[derive(Debug)]
@@ -103,10 +77,10 @@ fn annotate_in_order(
     let settings = settings(config);
     let alone = options.form == Form::Sidecar;
     let twice = config.output.corrected == Corrected::Final;
-    let mut target = Target::open(input, outputs, options)?;
+    let mut target = OutputSet::open(input, outputs, options)?;
     let mut sidecar = if alone { Some(target.next(0)?) } else { None };
     let mut kept = Kept::beside(target.beside());
-    let mut lesson = Lesson::new(input, config, options, order);
+    let mut lesson = SplitLearner::new(input, config, options, order);
     let mut profile = None;
     // Splits that what is learned of later ones is to be written into.
     let mut drafts = Vec::new();
@@ -143,14 +117,14 @@ fn annotate_in_order(
         profile.get_or_insert_with(|| inventory.profile().to_owned());
         if let Some(output) = output {
             let kept = std::mem::replace(&mut kept, Kept::beside(target.beside()));
-            let draft = Draft { output, split, inventory, kept };
+            let draft = ReadSplit { output, split, inventory, kept };
             match twice {
                 true => drafts.push(draft),
                 false => target.put(draft.write(&settings, lesson.learner.topics(), &here)?, split)?,
             }
         }
     }
-    let Lesson { learner, mut contents, messages, .. } = lesson;
+    let SplitLearner { learner, mut contents, messages, .. } = lesson;
     let mut learned = learner.finish(&mut |_| {});
     if twice {
         let keep = |split: usize, block: &Block| {
@@ -190,7 +164,7 @@ pub(super) fn fold(
     followed: Vec<Followed<'_>>,
     next: NextBlock<'_>,
     learned: &Learned,
-    mut target: Target<'_>,
+    mut target: OutputSet<'_>,
     settings: &BTreeMap<String, String>,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
@@ -241,7 +215,7 @@ fn calibrate_in_order(
     watch: Watch<'_>,
     order: Option<BTreeSet<u16>>,
 ) -> Result<Report, Error> {
-    let mut lesson = Lesson::new(input, config, Options::default(), order);
+    let mut lesson = SplitLearner::new(input, config, Options::default(), order);
     for (index, split) in input.splits.iter().enumerate() {
         let done = lesson.done;
         let inventory = lesson.read(index, split, None, &|at| watch(done + at))?;

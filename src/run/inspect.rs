@@ -1,7 +1,8 @@
 //! What stands in a recording, for people: its topics, what it taught, and the original in an annotated one.
 
-mod closing_summary;
 mod findings;
+mod look;
+mod rate;
 mod report_data;
 mod strip;
 pub(crate) mod topics;

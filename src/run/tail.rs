@@ -10,65 +10,31 @@ mod follow;
 mod index_log;
 mod location;
 mod names;
+mod shell;
 mod state;
 
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
+use std::time::Instant;
 
 use self::index_log::IndexLog;
-use self::location::Trail;
+use self::location::Location;
 use self::names::index_log_of;
 pub use self::names::sidecar_of;
 pub(super) use self::names::{checkpoint_of, set_aside};
-use self::state::Course;
-use super::batch::{self, Options, Report};
+use self::shell::Shell;
+pub use self::shell::{Following, Tailed};
+use self::state::Progression;
+use super::batch::{self, Options};
 use super::stop::Stop;
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::events::{Ending, News, Tell};
-use crate::run::input::growing_file::Growing;
+use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::splits::Input;
-use crate::run::output::file::Written;
 use crate::run::output::in_place::{self, Access};
 use crate::run::output::reads::Reads;
-use crate::run::output::sidecar_file::Appending;
+use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::tail::checkpoint::{Checkpoint, Owner};
-
-/// Between two attempts at what is in the way.
-const RETRY: Duration = Duration::from_millis(500);
-
-/// Who asks to stop waits no longer than this.
-const NAP: Duration = Duration::from_millis(50);
-
-/// How to follow.
-#[derive(Clone, Debug)]
-pub struct Following {
-    /// Between two looks at the recording.
-    pub poll: Duration,
-    /// A recording that does not grow for so long was given up by its recorder.
-    pub idle: Duration,
-    /// How long to wait for the recording to begin; for ever if `None`.
-    pub patience: Option<Duration>,
-    /// Whether the sidecar stays when the annotated recording is there.
-    pub keep_sidecar: bool,
-    /// How to write the annotated recording.
-    pub options: Options,
-}
-
-/// What a recording came to.
-#[derive(Debug)]
-pub struct Tailed {
-    /// What was found in it.
-    pub report: Report,
-    /// Its length in bytes.
-    pub length: u64,
-    /// Where it is: the annotated recording, or the sidecar of one whose bytes are lost.
-    pub output: PathBuf,
-    /// Whether that was there before.
-    pub written: Written,
-    /// Why nothing more was recorded.
-    pub ending: Ending,
-}
 
 /// Follows a recording to its end: a file, or a rosbag2 folder into which its recorder begins one file after the other.
 ///
@@ -96,7 +62,7 @@ pub fn tail(
         following,
         stop,
         owner: Owner { version: env!("CARGO_PKG_VERSION").to_owned(), configuration: config.canonical() },
-        appending: Appending::open(&sidecar)?,
+        appending: SidecarFile::open(&sidecar)?,
         checkpoint: Checkpoint::new(checkpoint_of(&sidecar)),
         indexes: IndexLog::new(index_log_of(&sidecar)),
     };
@@ -112,18 +78,6 @@ pub fn tail(
         Err(Error::Stopped) => Err(Error::Paused),
         Err(error) => Err(error),
     }
-}
-
-/// What stays the same while a recording is followed, and the files that belong to it.
-struct Shell<'a> {
-    output: PathBuf,
-    config: &'a Config,
-    following: &'a Following,
-    stop: &'a Stop,
-    owner: Owner,
-    appending: Appending,
-    checkpoint: Checkpoint,
-    indexes: IndexLog,
 }
 
 impl Shell<'_> {
@@ -149,7 +103,7 @@ impl Shell<'_> {
 
     /// The output exists: it must be the result of the recording as it is.
     fn already(&mut self, input: &Path) -> Result<Tailed, Error> {
-        if Trail::of(input).next(&[])?.is_none() {
+        if Location::of(input).next(&[])?.is_none() {
             // Whatever it will be, this is not its result.
             return Err(Error::Exists(self.output.clone()));
         }
@@ -171,12 +125,12 @@ impl Shell<'_> {
         Ok(Tailed { report, length, output, written, ending: Ending::Finished })
     }
 
-    fn await_beginning(&mut self, input: &Path, tell: Tell<'_>) -> Result<(Trail, Growing), Error> {
+    fn await_beginning(&mut self, input: &Path, tell: Tell<'_>) -> Result<(Location, GrowingFile), Error> {
         let began = Instant::now();
         let mut told = false;
         loop {
             // Only when it is there can it be told whether it is a file.
-            let trail = Trail::of(input);
+            let trail = Location::of(input);
             if let Some(first) = trail.next(&[])? {
                 return Ok((trail, first));
             }
@@ -191,8 +145,8 @@ impl Shell<'_> {
         }
     }
 
-    fn follow(&mut self, trail: Trail, first: Growing, tell: Tell<'_>) -> Result<Tailed, Error> {
-        let mut course = Course::begin(self, trail, first, tell)?;
+    fn follow(&mut self, trail: Location, first: GrowingFile, tell: Tell<'_>) -> Result<Tailed, Error> {
+        let mut course = Progression::begin(self, trail, first, tell)?;
         let ending = match self.record(&mut course, tell) {
             Err(error) => {
                 // What was done so far need not be done again; that the tail is to stop is worth more than a full disk.
@@ -203,51 +157,5 @@ impl Shell<'_> {
         };
         tell(News::Ended(ending));
         self.end(course, ending, tell)
-    }
-
-    /// Does what passing trouble may hinder (a full disk, a server out of reach), again and again for as long as an idle
-    /// recorder would be waited for.
-    fn patiently<T>(&mut self, tell: Tell<'_>, mut act: impl FnMut(&mut Self) -> Result<T, Error>) -> Result<T, Error> {
-        let began = Instant::now();
-        let mut told = false;
-        loop {
-            match act(self) {
-                Err(error) if error.is_passing() && began.elapsed() < self.following.idle => {
-                    if !std::mem::replace(&mut told, true) {
-                        let what = if error.is_full() { "waiting for room" } else { "trying again" };
-                        tell(News::Trouble(&format!("{error}; {what}")));
-                    }
-                    self.pause(RETRY)?;
-                }
-                done => return done,
-            }
-        }
-    }
-
-    fn pause(&self, time: Duration) -> Result<(), Error> {
-        let until = Instant::now() + time;
-        loop {
-            self.stop.check()?;
-            let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Ok(());
-            }
-            std::thread::sleep(left.min(NAP));
-        }
-    }
-
-    fn tidy(&mut self) -> Result<(), Error> {
-        self.remove_sidecar()?;
-        self.forget()
-    }
-
-    /// Removes what it would go on with.
-    fn forget(&mut self) -> Result<(), Error> {
-        self.checkpoint.remove()?;
-        self.indexes.remove()
-    }
-
-    fn remove_sidecar(&mut self) -> Result<(), Error> {
-        self.appending.remove()
     }
 }

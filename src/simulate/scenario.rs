@@ -1,19 +1,11 @@
-//! What is simulated, as a TOML file says it. Whether the values make sense is left to `validate`.
+//! What is simulated, as a TOML file says it. Reading one is left to `load`.
 
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Error, Fault, validate::validate};
-
-/// The built-in scenarios: name and TOML text, to be printed and edited.
-pub const BUILTIN: [(&str, &str); 4] = [
-    ("demo", include_str!("scenarios/demo.toml")),
-    ("thesis-sequence-1", include_str!("scenarios/thesis-sequence-1.toml")),
-    ("thesis-sequence-3", include_str!("scenarios/thesis-sequence-3.toml")),
-    ("rate-table", include_str!("scenarios/rate-table.toml")),
-];
+use super::Fault;
 
 /// A session with one IMU: its sensors, the poses it rests in, and the motion between them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -312,26 +304,6 @@ pub struct Vibration {
 }
 
 impl Scenario {
-    /// The scenario that a TOML text describes.
-    ///
-    /// # Errors
-    /// If the text is not TOML or not a scenario, with its line; if a value cannot be simulated, with its key.
-    pub fn parse(text: &str) -> Result<Self, Error> {
-        let scenario = toml::from_str(text).map_err(|error| malformed(&error, Some(text)))?;
-        validate(&scenario)?;
-        Ok(scenario)
-    }
-
-    /// The scenario that a table describes: a parsed text with overrides merged in, say.
-    ///
-    /// # Errors
-    /// As [`parse`](Self::parse), with the key instead of the line.
-    pub fn from_table(table: toml::Table) -> Result<Self, Error> {
-        let scenario = table.try_into().map_err(|error| malformed(&error, None))?;
-        validate(&scenario)?;
-        Ok(scenario)
-    }
-
     /// Topic of the primary accelerometer's messages.
     pub fn imu_topic(&self) -> &str {
         self.accelerometer.topic.as_deref().unwrap_or("/imu/data_raw")
@@ -344,16 +316,6 @@ impl Scenario {
         let reference = self.reference.iter().map(|reference| reference.topic.as_str());
         std::iter::once(self.imu_topic()).chain(others.filter_map(|triad| triad.topic.as_deref())).chain(reference)
     }
-
-    /// The built-in scenario of this name.
-    ///
-    /// # Errors
-    /// If there is none; the error lists those there are.
-    pub fn builtin(name: &str) -> Result<Self, Error> {
-        let (_, text) =
-            BUILTIN.iter().find(|(known, _)| *known == name).ok_or_else(|| Error::Unknown(name.to_owned()))?;
-        Self::parse(text)
-    }
 }
 
 pub(super) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
@@ -362,15 +324,4 @@ pub(super) fn matrix(rows: [[f64; 3]; 3]) -> Matrix3<f64> {
 
 fn standard_gravity() -> f64 {
     9.80665
-}
-
-fn malformed(error: &toml::de::Error, text: Option<&str>) -> Error {
-    let before = text.zip(error.span()).and_then(|(text, span)| text.get(..span.start));
-    let line = before.map(|before| before.matches('\n').count() + 1);
-    // Without the text, the error shows the key, behind its message and in backticks.
-    let mut bare = error.clone();
-    bare.set_input(None);
-    let bare = bare.to_string();
-    let key = bare.strip_prefix(error.message()).and_then(|key| key.split('`').nth(1)).map(str::to_owned);
-    Error::Scenario { line, key, problem: error.message().replace('\n', ", ") }
 }

@@ -13,6 +13,7 @@ mod real_recordings;
 mod recordings;
 mod refused;
 mod results;
+mod rooms;
 mod rosbag2;
 mod shell;
 mod topics;

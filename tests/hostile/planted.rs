@@ -60,7 +60,7 @@ fn a_backup_that_is_a_link_or_a_special_file_is_not_waited_for() {
 }
 
 /// Names that Stillpoint gives, or once gave, to files beside a recording.
-const NAMES: [&str; 10] = [
+const NAMES: [&str; 12] = [
     "demo.annotated.mcap.partial",
     "demo.stillpoint.checkpoint.partial",
     "demo.quarantine.json.partial",
@@ -71,6 +71,8 @@ const NAMES: [&str; 10] = [
     "broken.quarantine.json.partial",
     "broken.quarantine.json",
     "broken.stillpoint.checkpoint",
+    "demo.stillpoint.indexes",
+    "broken.stillpoint.indexes",
 ];
 
 /// What a link of either kind leads to is still what it was, after `work`.

@@ -174,7 +174,7 @@ fn what_a_killed_tail_had_written_stays_while_its_recording_is_out_of_reach() {
     let path = |name: &str| folder.path().join(name);
     std::fs::rename(path("rec.mcap"), path("away.mcap")).unwrap();
     let again = "tail rec.mcap -o out/rec.annotated.mcap --idle-timeout 100ms";
-    let kept = || ["mcap", "checkpoint"].map(|ending| folder.read(&format!("out/rec.stillpoint.{ending}")));
+    let kept = || ["mcap", "checkpoint", "indexes"].map(|ending| folder.read(&format!("out/rec.stillpoint.{ending}")));
     let before = kept();
     let run = folder.say(&format!("{again} -q"));
     assert!(run.code == 1 && run.error().contains("missing or empty"), "{}", run.stderr);

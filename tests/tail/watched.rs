@@ -279,7 +279,7 @@ fn what_a_killed_service_had_learned_of_a_recording_outlives_the_next_one_of_its
     let checkpoint = folder.path().join("out/rec.stillpoint.checkpoint");
     wait_for("a checkpoint", || crate::following::length(&checkpoint) > 5000);
     running.kill();
-    let kept = ["mcap", "checkpoint"].map(|ending| format!("out/rec.stillpoint.{ending}"));
+    let kept = ["mcap", "checkpoint", "indexes"].map(|ending| format!("out/rec.stillpoint.{ending}"));
     let kept = kept.map(|name| (folder.read(&name), name));
     let count = |name: &str| {
         let summary = mcap::Summary::read(&folder.read(name)).unwrap().unwrap();

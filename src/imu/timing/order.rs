@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::Read;
+use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
 
 /// After so many readings in order, none is held back any more.

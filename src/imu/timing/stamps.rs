@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Read;
+use super::read::Read;
 use crate::Stamp;
 use crate::imu::sample::{Reading, Sample};
 

@@ -1,15 +1,15 @@
 //! What the summary section says, asked before its time: when the framing is lost, or a message's channel is not known.
-//! The section itself is read in its turn, by [`summary_section`](super::summary_section).
+//! The section itself is read in its turn, by [`read_summary`](super::read_summary).
 
 use crc32fast::Hasher;
 use mcap::MAGIC;
 
-use super::{Scan, Stage};
 use crate::record::chunk::LIMIT;
+use crate::record::footer::{CLOSING, Footer};
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::inventory::DEFINITIONS;
 use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
-use crate::record::wire::{CLOSING, DATA_END, FRAME, Fields, op};
+use crate::record::wire::{DATA_END, FRAME, op};
 use crate::record::{Channel, Schema};
 
 /// Where whole records are. Empty if the recording has no summary that holds.
@@ -67,10 +67,9 @@ impl Guide {
 /// The summary, while it is read.
 pub(super) struct Asking {
     /// Where to go on afterwards.
-    back: u64,
-    /// Of the footer, once it has been seen: its offset, and the CRC in it.
-    footer: Option<(u64, u32)>,
-    start: u64,
+    pub(super) back: u64,
+    /// Once it has been seen.
+    footer: Option<Footer>,
     crc: Hasher,
     guide: Guide,
     /// What the records below take, in bytes.
@@ -80,32 +79,25 @@ pub(super) struct Asking {
 }
 
 impl Asking {
-    fn new(back: u64) -> Self {
+    pub(super) fn new(back: u64) -> Self {
         let (guide, schemas, channels) = Default::default();
         Self { back, footer: None, start: 0, crc: Hasher::new(), guide, kept: 0, schemas, channels }
     }
 
     /// Reads on; whether all of the section is in order.
-    fn read(&mut self, horizon: &mut Horizon) -> Result<bool, Stop> {
+    pub(super) fn read(&mut self, horizon: &mut Horizon) -> Result<bool, Stop> {
         let length = horizon.extent().length;
-        let (footer, stored) = match self.footer {
-            Some(footer) => footer,
+        let Footer { section, crc: stored, .. } = match &self.footer {
+            Some(footer) => footer.clone(),
             None => {
-                let Some(offset) = length.checked_sub(CLOSING) else { return Ok(false) };
+                let Some(offset) = length.checked_sub(CLOSING as u64) else { return Ok(false) };
                 horizon.seek(offset);
-                let closing = horizon.peek(CLOSING as usize)?;
-                let mut fields = Fields(closing);
-                let is_footer = (fields.u8(), fields.u64()) == (Some(op::FOOTER), Some(20)) && closing.ends_with(MAGIC);
-                let (start, _, crc) = (fields.u64(), fields.u64(), fields.u32());
-                let (Some(start), Some(crc)) = (start, crc) else { return Ok(false) };
-                if !is_footer || !(MAGIC.len() as u64 + DATA_END..=offset).contains(&start) {
-                    return Ok(false);
-                }
-                horizon.seek(start);
-                self.start = start;
-                *self.footer.insert((offset, crc))
+                let Some(footer) = Footer::parse(horizon.peek(CLOSING)?, offset) else { return Ok(false) };
+                horizon.seek(footer.section.start);
+                self.footer.insert(footer).clone()
             }
         };
+        let footer = section.end;
         while horizon.offset() < footer {
             let frame = horizon.frame()?;
             if frame.length > LIMIT || frame.end() > footer {
@@ -149,46 +141,12 @@ impl Asking {
         Some(())
     }
 
-    fn guide(mut self) -> (Guide, Vec<Schema>, Vec<Channel>) {
-        let data = self.start - DATA_END;
+    pub(super) fn guide(mut self) -> (Guide, Vec<Schema>, Vec<Channel>) {
+        let start = self.footer.as_ref().map_or(DATA_END, |footer| footer.section.start);
+        let data = start - DATA_END;
         self.guide.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
-        self.guide.data_end = Some(self.start);
-        self.guide.settle(self.start);
+        self.guide.data_end = Some(start);
+        self.guide.settle(start);
         (self.guide, self.schemas, self.channels)
-    }
-}
-
-impl Scan {
-    /// Asks the summary, and comes back here. In a recording that still grows, there is none yet.
-    pub(super) fn ask(&mut self) -> Result<(), Stop> {
-        if !self.horizon.extent().finished {
-            return Err(self.horizon.wait());
-        }
-        self.stage = Stage::Asking(Box::new(Asking::new(self.horizon.offset())));
-        Ok(())
-    }
-
-    pub(super) fn answer(&mut self) -> Result<(), Stop> {
-        let Stage::Asking(mut asking) = std::mem::take(&mut self.stage) else { return Ok(()) };
-        let in_order = match asking.read(&mut self.horizon) {
-            Err(stop @ Stop::Read { .. }) => {
-                self.stage = Stage::Asking(asking);
-                return Err(stop);
-            }
-            read => read.unwrap_or(false),
-        };
-        self.horizon.seek(asking.back);
-        self.stage = Stage::Record;
-        let guide = match in_order {
-            true => {
-                let (guide, schemas, channels) = asking.guide();
-                // What contradicts the data is said when the summary is read in its turn.
-                self.learn_from_summary(schemas, channels);
-                guide
-            }
-            false => Guide::default(),
-        };
-        self.guide = Some(guide);
-        Ok(())
     }
 }

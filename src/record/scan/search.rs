@@ -1,17 +1,13 @@
-//! The next whole record, after the framing was lost: where the summary's index says, or else the first place where
-//! bytes look like a record and like another one behind it. Attachments are passed over, since one may hold records.
-//! Reading the record is left to [`data_section`](super::data_section).
+//! A search for the next whole record, after the framing was lost.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::bounds::REACH;
-use super::{Scan, Stage, Step};
-use crate::record::chunk::{LIMIT, knows};
-use crate::record::horizon::{Frame, Stop};
-use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
-use crate::record::shape::{Measure, SPARE, end, fits, head};
-use crate::record::wire::{FRAME, Fields, op};
-use crate::record::{Channel, Schema};
+use serde::{Deserialize, Serialize};
+
+use crate::record::horizon::Frame;
+use crate::record::shape::{Measure, end};
+use crate::record::wire::FRAME;
 
 /// Most bytes that the head of a chunk or attachment may take: times, sizes and two names.
 pub(super) const HEAD: u64 = 1 << 16;
@@ -20,15 +16,15 @@ pub(super) const HEAD: u64 = 1 << 16;
 #[derive(Debug)]
 pub(super) struct Search {
     /// Where the framing was lost.
-    offset: u64,
-    what: String,
+    pub(super) offset: u64,
+    pub(super) what: String,
     /// Where the record may have ended, in ascending order.
-    tries: Vec<u64>,
+    pub(super) tries: Vec<u64>,
     /// Where to search from if it did not, and how far that has come.
-    from: u64,
-    at: u64,
+    pub(super) from: u64,
+    pub(super) at: u64,
     /// If the next record begins here, the one where the framing seemed lost was sound.
-    confirming: Range<u64>,
+    pub(super) confirming: Range<u64>,
 }
 
 impl Search {
@@ -67,209 +63,18 @@ impl Search {
     }
 }
 
-impl Scan {
-    /// The framing is lost. In a recording that still grows, nothing is read any more until it is finished.
-    pub(super) fn lose(&mut self, mut search: Search, opcode: u8) -> Result<(), Stop> {
-        if !self.horizon.extent().finished {
-            return Err(self.horizon.wait());
-        }
-        if self.guide.is_none() {
-            return self.ask();
-        }
-        if self.close_chunk(None) {
-            return Ok(());
-        }
-        self.orphans = true;
-        let length = self.horizon.extent().length;
-        search.tries.retain(|&offset| offset <= length);
-        if opcode == op::ATTACHMENT {
-            // Never inside, whatever it is that ends here.
-            search.from = search.tries.last().copied().unwrap_or(length);
-        }
-        self.stage = Stage::Searching(search);
-        Ok(())
-    }
-
-    pub(super) fn search(&mut self) -> Result<(), Stop> {
-        let Stage::Searching(mut search) = std::mem::take(&mut self.stage) else { return Ok(()) };
-        let found = match self.tried(&mut search) {
-            Ok(None) => self.next_whole(&mut search),
-            found => found,
-        };
-        match found {
-            Ok(found) => self.go_on(search, found),
-            // Here is nothing to wait for: the recording is finished.
-            Err(stop @ Stop::Read { .. }) => {
-                self.stage = Stage::Searching(search);
-                return Err(stop);
-            }
-            Err(_) => self.go_on(search, None),
-        }
-        Ok(())
-    }
-
-    fn go_on(&mut self, search: Search, found: Option<u64>) {
-        let next = found.unwrap_or(self.horizon.extent().length);
-        if search.confirming.contains(&next) {
-            self.trusted = Some(search.offset);
-            self.horizon.seek(search.offset);
-            self.stage = Stage::Record;
-            return;
-        }
-        self.inventory.lose(search.offset..next);
-        self.damage(search.offset, next - search.offset, search.what);
-        match found {
-            Some(next) => {
-                self.horizon.seek(next);
-                self.stage = Stage::Record;
-            }
-            None => {
-                self.accept_summary();
-                self.queue.push_back(Step::End);
-                self.stage = Stage::Done;
-            }
-        }
-    }
-
-    /// One of the places where the record may have ended.
-    fn tried(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
-        while let Some(&offset) = search.tries.first() {
-            self.horizon.seek(offset);
-            if self.goes_on_at(offset)? {
-                return Ok(Some(offset));
-            }
-            search.tries.remove(0);
-        }
-        Ok(None)
-    }
-
-    fn next_whole(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
-        if let Some((from, found)) = self.found
-            && (from..=found.unwrap_or(u64::MAX)).contains(&search.from)
-        {
-            return Ok(found);
-        }
-        search.at = search.at.max(search.from);
-        let found = loop {
-            if search.at >= self.horizon.extent().length {
-                break None;
-            }
-            self.horizon.seek(search.at);
-            let landmark = self.guide.as_ref().and_then(|guide| guide.at_or_behind(search.at));
-            match landmark {
-                Some(landmark) if landmark.offset == search.at && self.stands(landmark.opcode, landmark.length)? => {
-                    break Some(search.at);
-                }
-                Some(landmark) if landmark.offset <= search.at && landmark.opcode == op::ATTACHMENT => {
-                    search.at = landmark.offset + landmark.length;
-                    continue;
-                }
-                _ => {}
-            }
-            let indexed = self.guide.as_ref().is_some_and(|guide| guide.indexed);
-            let next = self.guide.as_ref().and_then(|guide| guide.behind(search.at)).map(|next| next.offset);
-            match (indexed, next) {
-                (true, Some(next)) => search.at = next,
-                (true, None) => break None,
-                (false, next) => {
-                    let until = next.unwrap_or(self.horizon.extent().length);
-                    let candidate = self.candidate(until);
-                    search.at = self.horizon.offset();
-                    if let Some(offset) = candidate? {
-                        break Some(offset);
-                    }
-                }
-            }
-        };
-        self.found = Some((search.from, found));
-        self.trusted = found;
-        Ok(found)
-    }
-
-    /// Whether a record with this opcode and this length, all in all, begins here.
-    fn stands(&self, opcode: u8, length: u64) -> Result<bool, Stop> {
-        let found = self.horizon.peek(FRAME).map(head)?;
-        Ok(found.is_some_and(|(found, body)| found == opcode && end(0, body) == length))
-    }
-
-    /// The next place in front of `until` where a credible record begins. Without one, the horizon has come to `until`.
-    fn candidate(&mut self, until: u64) -> Result<Option<u64>, Stop> {
-        while self.horizon.offset() < until {
-            self.horizon.peek(FRAME)?;
-            let room = until - self.horizon.offset();
-            let places = self.horizon.buffered().windows(FRAME).take(room as usize);
-            let could = |bytes: &[u8]| head(bytes).is_some_and(|(opcode, length)| fits(opcode, length));
-            match places.clone().position(could) {
-                Some(ahead) => self.horizon.skip(ahead as u64),
-                None => {
-                    let passed = places.len() as u64;
-                    self.horizon.skip(passed);
-                    continue;
-                }
-            }
-            if self.is_credible(until)? {
-                return Ok(Some(self.horizon.offset()));
-            }
-            self.horizon.skip(1);
-        }
-        Ok(None)
-    }
-
-    fn is_credible(&mut self, until: u64) -> Result<bool, Stop> {
-        let frame = match self.horizon.frame() {
-            Ok(frame) if frame.end() <= until => frame,
-            Ok(_) | Err(Stop::Cut { .. }) => return Ok(false),
-            Err(stop) => return Err(stop),
-        };
-        // Where messages stand in chunks, one outside is more likely to stand in a chunk that lost its head.
-        let loose = !self.has_chunks();
-        match frame.opcode {
-            op::MESSAGE => return Ok(loose && frame.length <= REACH && self.chain_at(frame.end())?),
-            op::SCHEMA | op::CHANNEL | op::METADATA
-                if frame.length > HEAD && self.doubted > 4 * frame.offset + 4 * REACH =>
-            {
-                return Ok(false);
-            }
-            op::SCHEMA | op::CHANNEL if loose => {}
-            op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END | op::FOOTER => {}
-            _ => return Ok(false),
-        }
-        match self.measured(frame, frame.length)? {
-            Measure::Says(length) if length == frame.length => {}
-            // Fields that are not known may follow, if a record does.
-            Measure::Says(length)
-                if length < frame.length && frame.length - length <= SPARE && self.chain_at(frame.end())? => {}
-            _ => return Ok(false),
-        }
-        let most = if matches!(frame.opcode, op::CHUNK | op::ATTACHMENT) { HEAD } else { REACH };
-        let body = self.horizon.body(frame, most)?;
-        let mut fields = Fields(body);
-        let looked_at = body.len() as u64;
-        let credible = match frame.opcode {
-            op::CHUNK => ChunkHeader::parse(&mut fields).is_some_and(|header| {
-                knows(header.compression) && header.uncompressed_size <= LIMIT && header.start_time <= header.end_time
-            }),
-            op::ATTACHMENT => AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some(),
-            op::MESSAGE_INDEX => frame.length % 16 == 6 && self.begins_at(frame.end())?,
-            // First what costs little.
-            op::METADATA => self.begins_at(frame.end())? && parse_metadata(body).is_some(),
-            op::SCHEMA => self.begins_at(frame.end())? && Schema::parse(body).is_some(),
-            op::CHANNEL => self.begins_at(frame.end())? && Channel::parse(body).is_some(),
-            op::FOOTER => frame.end() + 8 == self.horizon.extent().length,
-            _ => {
-                let behind = self.look(frame.end())?.and_then(|bytes| bytes.first().copied());
-                behind.is_none_or(may_follow_data) && self.chain_at(frame.end())?
-            }
-        };
-        if !credible {
-            self.doubted += looked_at;
-        }
-        Ok(credible)
-    }
-}
-
-/// Whether a record of this opcode may begin the summary section.
-fn may_follow_data(opcode: u8) -> bool {
-    let data = [0, op::HEADER, op::MESSAGE, op::CHUNK, op::MESSAGE_INDEX, op::ATTACHMENT, op::METADATA, op::DATA_END];
-    !data.contains(&opcode)
+/// What is known of the framing.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Synchronisation {
+    /// Length of the last and of the longest message outside chunks, by channel.
+    pub(super) lengths: BTreeMap<u16, (u64, u64)>,
+    /// Where a record begins whose length is not to be doubted.
+    pub(super) trusted: Option<u64>,
+    /// Bytes of what looked like records and were none. Where they are many more than the recording has, long ones are
+    /// not looked at any more: the same bytes may pass for the end of a record at every place in front of them.
+    #[serde(skip)]
+    pub(super) doubted: u64,
+    /// What the last search came to: from where, and what it found.
+    #[serde(skip)]
+    pub(super) found: Option<(u64, Option<u64>)>,
 }

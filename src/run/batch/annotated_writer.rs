@@ -11,7 +11,7 @@ use crate::run::output::file::Output;
 use crate::run::output::spill::Spill;
 
 /// A split that has been read, and what is to be written behind it.
-pub(super) struct Draft<'a> {
+pub(super) struct ReadSplit<'a> {
     pub(super) output: Output,
     pub(super) split: &'a Recording,
     pub(super) inventory: Inventory,
@@ -21,7 +21,7 @@ pub(super) struct Draft<'a> {
 /// Hands over the blocks to be written, one after the other.
 pub(super) type NextBlock<'a> = &'a mut dyn FnMut() -> Result<Option<Block>, Error>;
 
-impl Draft<'_> {
+impl ReadSplit<'_> {
     pub(super) fn write(
         self,
         settings: &BTreeMap<String, String>,

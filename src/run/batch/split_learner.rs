@@ -9,12 +9,13 @@ use crate::config::Config;
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::no_imu;
 use crate::record::{Event, Inventory};
-use crate::run::input::recording::{Listener, Recording, Watch};
+use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::Contents;
+use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
 
 /// What is learned of a recording while its splits are read.
-pub(super) struct Lesson<'a> {
+pub(super) struct SplitLearner<'a> {
     input: &'a Input,
     pub(super) learner: Learner,
     options: Options,
@@ -26,7 +27,7 @@ pub(super) struct Lesson<'a> {
     pub(super) contents: Vec<Contents>,
 }
 
-impl<'a> Lesson<'a> {
+impl<'a> SplitLearner<'a> {
     pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<BTreeSet<u16>>) -> Self {
         let learner = Learner::new(config);
         let learner = match order {

@@ -7,14 +7,11 @@ use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use mcap::MAGIC;
-
 use crate::Error;
 use crate::pipeline::events::Ending;
+use crate::record::{CLOSING, is_closing};
 use crate::run::input::regular;
 
-/// Of a footer record and the magic behind it: opcode, length, body, magic.
-const CLOSING: usize = 1 + 8 + 20 + 8;
 /// Bytes in front of a place by which a file is known again.
 const KNOWN: usize = 64;
 
@@ -23,7 +20,7 @@ const TICK: Duration = Duration::from_millis(20);
 
 /// A file that may grow.
 #[derive(Debug)]
-pub(crate) struct Growing {
+pub(crate) struct GrowingFile {
     path: PathBuf,
     file: File,
     /// Device and inode.
@@ -47,7 +44,7 @@ pub(crate) enum Look {
     Lost,
 }
 
-impl Growing {
+impl GrowingFile {
     /// Opens a file; `None` while it is missing or empty.
     pub(crate) fn open(path: &Path) -> Result<Option<Self>, Error> {
         let file = match regular::open(path) {
@@ -141,7 +138,7 @@ impl Growing {
         let mut closing = [0; CLOSING];
         let start = self.length.checked_sub(CLOSING as u64);
         let read = start.is_some_and(|start| self.read(&mut closing, start).unwrap_or(false));
-        read && closing.starts_with(&[2, 20, 0, 0, 0, 0, 0, 0, 0]) && closing.ends_with(MAGIC)
+        read && is_closing(&closing)
     }
 }
 

@@ -5,8 +5,10 @@ mod prefetch;
 pub(crate) mod recording;
 pub(crate) mod regular;
 pub(crate) mod rosbag2;
+pub(crate) mod scan_file;
 pub(crate) mod splits;
 
-pub use recording::{Listener, Watch};
+pub use recording::Watch;
 pub use regular::text;
+pub use scan_file::Listener;
 pub use splits::Input;

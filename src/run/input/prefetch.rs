@@ -20,7 +20,7 @@ const CHUNKS: usize = 512;
 const LONGEST: u64 = 1 << 30;
 
 /// What is opened ahead.
-pub(crate) struct Ahead<'a> {
+pub(crate) struct Prefetch<'a> {
     recording: &'a Recording,
     work: Sender<Job>,
     chunks: Chunks,
@@ -65,7 +65,7 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording) {
     }
 }
 
-impl<'a> Ahead<'a> {
+impl<'a> Prefetch<'a> {
     /// Nothing yet; what is to be opened goes to `work`.
     pub(crate) fn new(recording: &'a Recording, work: Sender<Job>) -> Self {
         let chunks = Chunks::new(0, recording.length());

@@ -6,23 +6,14 @@ use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::channel;
-use std::sync::{Mutex, PoisonError};
-use std::thread;
 use std::time::SystemTime;
 
 use crate::Error;
-use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, Scan, recognise, recognise_scanned};
-use crate::run::input::prefetch::{Ahead, open_chunks};
+use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, recognise, recognise_scanned};
 use crate::run::output::in_place::{self, Access};
 
 /// Reads of less would cost more than the bytes (1 MiB).
 const READ: usize = 1 << 20;
-/// How much is read behind a chunk at first (4 KiB).
-const LEAST: usize = 4 << 10;
-/// More threads than this hardly read faster.
-const THREADS: usize = 8;
-
 /// To be called between pieces of work with the bytes of the recording that are done; an error gives the work up.
 pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
 
@@ -231,100 +222,6 @@ impl Recording {
             from += buffer.len() as u64;
         }
         Ok(())
-    }
-
-    /// Reads it, passing on what the scan tells. Chunks are opened by several threads.
-    ///
-    /// # Errors
-    ///
-    /// If it is not MCAP, if the system refuses, or what `watch` or the listener returns.
-    pub fn scan(&self, watch: Watch<'_>, listener: &mut impl Listener) -> Result<Inventory, Error> {
-        let (work, jobs) = channel();
-        let jobs = Mutex::new(jobs);
-        thread::scope(|scope| {
-            let wanted = thread::available_parallelism().map_or(1, usize::from).min(THREADS);
-            let open = |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self)).is_ok();
-            if (0..wanted).filter(open).count() == 0 {
-                // Nobody listens: the scan opens its chunks itself.
-                *jobs.lock().unwrap_or_else(PoisonError::into_inner) = channel().1;
-            }
-            self.scan_with(Ahead::new(self, work), watch, listener)
-        })
-    }
-
-    fn scan_with(
-        &self,
-        mut ahead: Ahead<'_>,
-        watch: Watch<'_>,
-        listener: &mut impl Listener,
-    ) -> Result<Inventory, Error> {
-        let length = self.length();
-        let mut scan = Scan::finished(length).offering_chunks();
-        if listener.verifies() {
-            scan = scan.verifying();
-        }
-        // Between chunks there is little to read, elsewhere much.
-        let mut block = LEAST;
-        loop {
-            match scan.next_event().map_err(Error::reading(&self.path))? {
-                Event::Read { offset, length: wanted } => {
-                    watch(offset)?;
-                    let size = (length - offset).min(wanted.max(block) as u64) as usize;
-                    self.read_exact_at(scan.insert(size), offset)?;
-                    scan.notify_read(size);
-                    block = (2 * block).min(READ);
-                }
-                Event::Chunk { offset, length } => {
-                    watch(offset)?;
-                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
-                    scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
-                    let is_useless = |channels: &[u16]| listener.is_useless(channels);
-                    let supply = ahead.supply(offset, length, scan.inventory(), is_useless)?;
-                    scan.supply(supply);
-                    block = LEAST;
-                }
-                Event::Wait | Event::End => {
-                    listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
-                    return Ok(scan.into_inventory());
-                }
-                event => listener.event(event)?,
-            }
-        }
-    }
-}
-
-/// Whom a scan tells what it finds.
-pub trait Listener {
-    /// What was found; no [`Read`](Event::Read), [`Chunk`](Event::Chunk), [`Wait`](Event::Wait) or [`End`](Event::End).
-    ///
-    /// # Errors
-    ///
-    /// Anything, to give the work up.
-    fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
-
-    /// Takes chunk indexes, and chunks whose message indexes are damaged. A fold will want both back.
-    ///
-    /// # Errors
-    ///
-    /// Anything, to give the work up.
-    fn indexes(&mut self, _chunks: &[u8], _reindexed: &[u8]) -> Result<(), Error> {
-        Ok(())
-    }
-
-    /// Whether all of the recording is to be checked; then no chunk must be useless.
-    fn verifies(&self) -> bool {
-        false
-    }
-
-    /// Whether chunks with messages on these channels alone need not be read. Must not depend on chance.
-    fn is_useless(&self, _channels: &[u16]) -> bool {
-        false
-    }
-}
-
-impl<F: FnMut(Event<'_>) -> Result<(), Error>> Listener for F {
-    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
-        self(event)
     }
 }
 

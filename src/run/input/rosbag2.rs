@@ -6,11 +6,9 @@ mod metadata;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-use mcap::MAGIC;
-
 use super::regular;
 use crate::Error;
-use crate::record::Topic;
+use crate::record::{START, Topic, is_beginning};
 pub(crate) use metadata::Contents;
 use metadata::Metadata;
 
@@ -123,9 +121,9 @@ pub(crate) fn is_blank(file: &Path) -> bool {
     if !file.is_file() {
         return false;
     }
-    let mut magic = [0; MAGIC.len()];
-    match regular::open(file).and_then(|mut file| file.read_exact(&mut magic)) {
-        Ok(()) => magic != *MAGIC,
+    let mut start = [0; START];
+    match regular::open(file).and_then(|mut file| file.read_exact(&mut start)) {
+        Ok(()) => !is_beginning(&start),
         Err(error) => error.kind() == io::ErrorKind::UnexpectedEof,
     }
 }

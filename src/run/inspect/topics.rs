@@ -1,24 +1,17 @@
 //! What the channels of a recording are, and what each would be used for. What a look at their first messages shows is
 //! left to [`remarks`].
 
-mod rate;
 mod remarks;
 
-use std::cell::Cell;
-use std::collections::BTreeMap;
-
-use self::rate::Rate;
 use self::remarks::peek;
 use crate::Error;
-use crate::Stamp;
 use crate::config::Config;
-use crate::imu::{ChannelRole, ImuConfig, Layout, Sensor, header_stamp};
-use crate::pipeline::channel_table::Entry;
-use crate::pipeline::sources::Sources;
-use crate::record::{Channel, Event, Message};
-use crate::run::input::recording::{Recording, Watch};
+use crate::record::{ClosingSummary, Event};
+use crate::run::input::recording::{Recording, Watch, Within};
 use crate::run::input::splits::Input;
-use crate::run::inspect::closing_summary::Glance;
+pub use crate::run::inspect::look::Use;
+use crate::run::inspect::look::{ChannelLook, head};
+use crate::run::inspect::rate::Rate;
 
 /// The channels of a recording.
 #[derive(Debug, Default)]
@@ -31,36 +24,6 @@ pub struct Channels {
     pub seconds: f64,
     /// How many damages were met. A long recording is not read to its end.
     pub damages: u64,
-}
-
-/// One channel.
-#[derive(Debug)]
-pub struct Use {
-    /// Its record.
-    pub channel: Channel,
-    /// Type of its messages; empty without schema.
-    pub schema: String,
-    /// What it is used for.
-    pub verdict: ChannelRole,
-    /// Messages on it.
-    pub messages: u64,
-    /// Whose stamps are times of the recording.
-    pub stamped: Stamped,
-    /// Messages a second, by the median of their log times; `None` where there are too few to tell.
-    pub hz: Option<f64>,
-    /// What its first messages show, one line each.
-    pub remarks: Vec<String>,
-    /// What would map it, or map it better.
-    pub configuration: Option<ImuConfig>,
-}
-
-/// Which stamps are within an hour of the log time, so that viewers can plot by them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stamped {
-    /// Those of the samples, and so of the annotations.
-    pub samples: bool,
-    /// `header.stamp` of the messages themselves.
-    pub messages: bool,
 }
 
 impl Channels {
@@ -87,9 +50,6 @@ impl Channels {
 
 /// Recordings of more bytes are not read to the end if they say at the end what is in them (64 MiB).
 const WHOLE: u64 = 64 << 20;
-
-/// Bytes of a recording in which the first messages are looked for (32 MiB).
-const HEAD: u64 = 32 << 20;
 
 /// Looks through a recording.
 ///
@@ -130,17 +90,17 @@ fn look_through(
     watch: Watch<'_>,
     whole: u64,
 ) -> Result<(Channels, Span), Error> {
-    let (mut look, mut damages) = (Look::new(config), 0);
-    let glance = if recording.length() > whole { Glance::at(recording)? } else { None };
-    let (counts, span) = match glance {
-        Some(glance) => {
-            glance.schemas.values().for_each(|schema| look.take(Event::Schema(schema)));
-            glance.channels.values().for_each(|channel| look.take(Event::Channel(channel)));
+    let (mut look, mut damages) = (ChannelLook::new(config), 0);
+    let end = if recording.length() > whole { closing_summary(recording)? } else { None };
+    let (counts, span) = match end {
+        Some(end) => {
+            end.schemas.values().for_each(|schema| look.take(Event::Schema(schema)));
+            end.channels.values().for_each(|channel| look.take(Event::Channel(channel)));
             head(recording, watch, |event| {
                 look.take(event);
                 !look.sources.intake.is_untold()
             })?;
-            (glance.counts, glance.span)
+            (end.counts, end.span)
         }
         None => {
             let inventory = recording.scan(watch, &mut |event: Event<'_>| {
@@ -162,74 +122,10 @@ fn look_through(
     Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
 
-/// Reads a recording from its start until `each` has seen enough, but not far.
-fn head(recording: &Recording, watch: Watch<'_>, mut each: impl FnMut(Event<'_>) -> bool) -> Result<(), Error> {
-    let enough = Cell::new(false);
-    let stop = |enough: &Cell<bool>| {
-        enough.set(true);
-        Err(Error::Stopped)
-    };
-    let watch = |done: u64| {
-        watch(done)?;
-        if done > HEAD { stop(&enough) } else { Ok(()) }
-    };
-    match recording.scan(&watch, &mut |event: Event<'_>| if each(event) { stop(&enough) } else { Ok(()) }) {
-        Err(Error::Stopped) if enough.get() => Ok(()),
-        scanned => scanned.map(drop),
-    }
-}
-
-/// Learns what the channels are.
-struct Look {
-    sources: Sources,
-    rates: BTreeMap<u16, Rate>,
-}
-
-impl Look {
-    fn new(config: &Config) -> Self {
-        Self { sources: Sources::new(config), rates: BTreeMap::new() }
-    }
-
-    fn take(&mut self, event: Event<'_>) {
-        self.sources.take(&event);
-        let Event::Message(message) = event else { return };
-        self.rates.entry(message.channel).or_default().push(message.log_time);
-        if let Some(message) = self.sources.wanted(message) {
-            self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
-        }
-    }
-
-    /// The time in the header of a message.
-    fn stamp(&self, message: &Message<'_>) -> Option<Stamp> {
-        let Entry { channel, schema, .. } = self.sources.table.get(message.channel)?;
-        let layout = Layout::new(&channel.message_encoding, schema.as_ref()).ok();
-        header_stamp(&layout.or_else(|| Layout::of_example(&channel.topic, message.data))?, message.data)
-    }
-
-    /// By topic, with what the names suggest.
-    fn uses(&self, counts: &BTreeMap<u16, u64>) -> Vec<Use> {
-        let primary = self.sources.channels().find(|(_, verdict)| match verdict {
-            ChannelRole::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),
-            _ => false,
-        });
-        let primary = primary.map(|(entry, _)| entry.channel.topic.as_str());
-        let uses = self.sources.channels().map(|(entry, verdict)| Use {
-            channel: entry.channel.clone(),
-            schema: entry.schema_name().to_owned(),
-            verdict: verdict.clone(),
-            messages: counts.get(&entry.channel.id).copied().unwrap_or_default(),
-            stamped: Stamped::default(),
-            hz: None,
-            remarks: Vec::new(),
-            configuration: match verdict {
-                ChannelRole::Other { suggestion: Some(suggestion), .. } => Some(suggestion.config(primary)),
-                _ => None,
-            },
-        });
-        let mut uses: Vec<_> = uses.collect();
-        uses.sort_by(|a, b| (&a.channel.topic, a.channel.id).cmp(&(&b.channel.topic, b.channel.id)));
-        uses
-    }
+/// What the end of a recording says.
+fn closing_summary(recording: &Recording) -> Result<Option<ClosingSummary>, Error> {
+    let summary = ClosingSummary::of(&mut Within(recording), recording.length());
+    summary.map_err(|error| Error::input(recording.path(), error.to_string()))
 }
 
 #[cfg(test)]
@@ -237,6 +133,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
+    use crate::imu::ChannelRole;
     use crate::run::Access;
     use crate::simulate::{Scenario, record};
 

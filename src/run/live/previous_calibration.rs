@@ -13,7 +13,7 @@ use crate::record::{Annotation, Channel, Event, Message, Schema, Topic};
 use crate::report::{Findings, same};
 
 /// Corrects the messages of one recording.
-pub(super) struct Earlier {
+pub(super) struct PreviousCalibration {
     calibrations: Vec<Findings>,
     sources: Sources,
     /// By output name of the IMU; nothing for those whose corrected messages are written.
@@ -21,7 +21,7 @@ pub(super) struct Earlier {
     are_written: bool,
 }
 
-impl Earlier {
+impl PreviousCalibration {
     pub(super) fn new(calibrations: Vec<Findings>, config: &Config) -> Self {
         Self {
             calibrations,

@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use foxglove::{ChannelBuilder, RawChannel};
 
-use super::Shared;
-use super::previous_calibration::Earlier;
+use super::previous_calibration::PreviousCalibration;
 use super::queue::Item;
+use super::shared::Shared;
 use crate::Stamp;
 use crate::annotate::diagnostics::{self, Diagnostic, Level};
 use crate::config::Config;
@@ -31,7 +31,7 @@ pub struct Session<'a> {
     used: BTreeMap<u16, Arc<RawChannel>>,
     /// By topic.
     annotations: BTreeMap<String, Arc<RawChannel>>,
-    earlier: Option<Earlier>,
+    earlier: Option<PreviousCalibration>,
     log_time: u64,
     damages: usize,
     /// How the IMUs stand, when that is due to be told.
@@ -56,7 +56,7 @@ impl<'a> Session<'a> {
 
     /// Also shows messages corrected by an earlier calibration, until the recording's own stands, and by that from then on.
     pub fn corrected_by(self, calibrations: Vec<Findings>, config: &Config) -> Self {
-        Self { earlier: Some(Earlier::new(calibrations, config)), ..self }
+        Self { earlier: Some(PreviousCalibration::new(calibrations, config)), ..self }
     }
 
     /// Shows what happened. This never waits for a viewer.

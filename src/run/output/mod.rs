@@ -3,6 +3,7 @@
 pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod in_place;
+pub(crate) mod options;
 pub(crate) mod partial;
 pub(crate) mod reads;
 pub(crate) mod set;

@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::record::Topic;
-use crate::run::batch::{Form, Options};
 use crate::run::input::recording::Recording;
 use crate::run::input::rosbag2::{Contents, METADATA, ORIGINAL};
 use crate::run::input::splits::Input;
 use crate::run::output::file::{Output, Written};
 use crate::run::output::folder::{self, Folder};
+use crate::run::output::options::{Form, Options};
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
 
 /// Takes the annotated splits of a recording, or its sidecar, one after the other.
-pub(crate) struct Target<'a> {
+pub(crate) struct OutputSet<'a> {
     input: &'a Input,
     path: PathBuf,
     sync: bool,
@@ -32,7 +32,7 @@ enum Place {
     Folder(Folder),
 }
 
-impl<'a> Target<'a> {
+impl<'a> OutputSet<'a> {
     /// For a sidecar, a single file or a folder there is one path, for several files one for each.
     pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options) -> Result<Self, Error> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();

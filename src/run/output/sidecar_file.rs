@@ -14,7 +14,7 @@ use crate::run::output::partial::same_file;
 
 /// A file that grows block by block.
 #[derive(Debug)]
-pub(crate) struct Appending {
+pub(crate) struct SidecarFile {
     path: PathBuf,
     file: File,
     length: u64,
@@ -22,7 +22,7 @@ pub(crate) struct Appending {
     pending: Vec<u8>,
 }
 
-impl Appending {
+impl SidecarFile {
     /// Opens a sidecar as it is, or makes an empty one. The system releases the lock when the process ends, however it
     /// does.
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
@@ -114,14 +114,14 @@ impl Appending {
     /// The blocks that are written, of these topics, one after the other.
     pub(crate) fn blocks<'a>(&'a self, topics: &'a [Topic]) -> impl FnMut() -> Result<Option<Block>, Error> + 'a {
         let mut blocks = SidecarBlocks::new(self.length);
-        let mut file = Bytes(&self.file);
+        let mut file = FileBytes(&self.file);
         move || blocks.next(&mut file, topics).map_err(|error| Error::input(&self.path, error.to_string()))
     }
 }
 
-struct Bytes<'a>(&'a File);
+struct FileBytes<'a>(&'a File);
 
-impl ReadAt for Bytes<'_> {
+impl ReadAt for FileBytes<'_> {
     fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {
         self.0.read_exact_at(buffer, offset)
     }

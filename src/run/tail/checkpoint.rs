@@ -17,7 +17,7 @@ use crate::record::{Inventory, Position, Sidecar};
 use crate::run::input::regular;
 use crate::run::output::partial::{Partial, sweep};
 use crate::run::output::reads::Reads;
-use crate::run::output::sidecar_file::Appending;
+use crate::run::output::sidecar_file::SidecarFile;
 
 /// What a checkpoint begins with; another layout gets another number.
 const MAGIC: &[u8; 16] = b"stillpointtail04";
@@ -92,7 +92,7 @@ pub(super) struct StateOf<'a> {
 }
 
 /// What is found under the name of a checkpoint.
-pub(super) enum Found {
+pub(super) enum Loaded {
     Nothing,
     State(Box<State>),
     /// Something that cannot be gone on with, why, and what can be read of it.
@@ -125,13 +125,13 @@ impl Checkpoint {
         !self.foreign && self.path.exists()
     }
 
-    pub(super) fn load(&self, owner: &Owner) -> Result<Found, Error> {
+    pub(super) fn load(&self, owner: &Owner) -> Result<Loaded, Error> {
         if !self.exists() {
-            return Ok(Found::Nothing);
+            return Ok(Loaded::Nothing);
         }
         sweep(&self.path);
         let bytes = match regular::open_own(&self.path).and_then(|file| regular::read(file, LARGEST)) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Nothing),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Loaded::Nothing),
             read => read.map_err(Error::io("read", &self.path))?,
         };
         Ok(decode(&bytes, owner))
@@ -157,7 +157,7 @@ impl Checkpoint {
         &mut self,
         owner: &Owner,
         state: &StateOf<'_>,
-        sidecar: &Appending,
+        sidecar: &SidecarFile,
         indexes: &IndexLog,
     ) -> Result<(), Error> {
         let before = self.settle();
@@ -225,22 +225,22 @@ fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_ser
     Ok(bytes)
 }
 
-fn decode(bytes: &[u8], owner: &Owner) -> Found {
-    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Found::Useless("is damaged", None) };
-    let Some(crc) = head.strip_prefix(MAGIC) else { return Found::Useless("is of another version", None) };
+fn decode(bytes: &[u8], owner: &Owner) -> Loaded {
+    let Some((head, mut body)) = bytes.split_at_checked(HEAD) else { return Loaded::Useless("is damaged", None) };
+    let Some(crc) = head.strip_prefix(MAGIC) else { return Loaded::Useless("is of another version", None) };
     if crc != crc32fast::hash(body).to_le_bytes() {
-        return Found::Useless("is damaged", None);
+        return Loaded::Useless("is damaged", None);
     }
     let found = rmp_serde::from_read::<_, Owner>(&mut body);
     // Nothing follows a mark.
     let state = (!body.is_empty()).then(|| rmp_serde::from_read(&mut body));
     match (found, state) {
         (Ok(found), state) if found.version == owner.version && found.configuration != owner.configuration => {
-            Found::Useless("is of another configuration", state.and_then(Result::ok))
+            Loaded::Useless("is of another configuration", state.and_then(Result::ok))
         }
-        (Ok(found), None) if found == *owner => Found::Nothing,
-        (Ok(found), Some(Ok(state))) if found == *owner => Found::State(state),
-        (_, state) => Found::Useless("is of another version", state.and_then(Result::ok)),
+        (Ok(found), None) if found == *owner => Loaded::Nothing,
+        (Ok(found), Some(Ok(state))) if found == *owner => Loaded::State(state),
+        (_, state) => Loaded::Useless("is of another version", state.and_then(Result::ok)),
     }
 }
 

@@ -4,20 +4,21 @@
 use std::path::Path;
 
 use super::index_log::Kind;
-use super::location::Trail;
-use super::state::Course;
-use super::{Shell, Tailed, set_aside};
+use super::location::Location;
+use super::names::set_aside;
+use super::shell::{Shell, Tailed};
+use super::state::Progression;
 use crate::Error;
 use crate::annotate::Corrected;
 use crate::pipeline::events::{Ending, News, Tell};
 use crate::pipeline::learner::Learned;
 use crate::pipeline::no_imu::no_imu;
 use crate::record::{Damage, Event, Piece, Sidecar};
-use crate::run::batch::{self, Followed, Form, Indexes, Options, Report, Target};
+use crate::run::batch::{self, Followed, Form, Indexes, Options, OutputSet, Report};
 use crate::run::input::recording::Recording;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
-use crate::run::output::sidecar_file::Appending;
+use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::tail::checkpoint::{Split, State};
 
 /// What is there of a recording at its end.
@@ -31,7 +32,7 @@ enum Remains {
 
 impl Shell<'_> {
     /// Everything has been read.
-    pub(super) fn end(&mut self, mut course: Course, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
+    pub(super) fn end(&mut self, mut course: Progression, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
         if ending == Ending::Truncated {
             let what = "the file was cut off or written anew while it was followed: what stood there is lost";
             let offset = course.scan.offset();
@@ -45,7 +46,7 @@ impl Shell<'_> {
         course.log_indexes(&mut self.indexes);
         let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
         let (length, remains) = (course.offset(), course.remains(ending)?);
-        let Course { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
+        let Progression { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
         let useless = (!learner.has_imu()).then(|| no_imu(trail.path(), learner.sources(), &learner.obstacles()));
         let learned = learner.finish(tell);
         let here = Split {
@@ -126,7 +127,7 @@ impl Shell<'_> {
             followed.push(Followed { inventory, topics: *topics, blocks: until - blocks, indexes });
             (blocks, at) = (*until, *end);
         }
-        let target = Target::open(input, std::slice::from_ref(&self.output), self.following.options)?;
+        let target = OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options)?;
         let mut next = self.appending.blocks(learned.annotator.topics());
         batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }
@@ -187,19 +188,19 @@ impl Shell<'_> {
         tell(News::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
         // Last: the next run would take what has no checkpoint for somebody else's.
         self.forget()?;
-        self.appending = Appending::open(&path)?;
+        self.appending = SidecarFile::open(&path)?;
         Ok(())
     }
 }
 
-impl Course {
+impl Progression {
     /// What is there of the recording, now that nothing more is added to it.
     fn remains(&self, ending: Ending) -> Result<Remains, Error> {
         if ending == Ending::Truncated {
             return Ok(Remains::Nothing);
         }
         let Self { trail, done, growing, scan, .. } = self;
-        let Trail::Folder(folder) = trail else {
+        let Location::Folder(folder) = trail else {
             // The open file, since it may have lost its name.
             let file = growing.file().try_clone().map_err(Error::io("read", growing.path()))?;
             let recording = Recording::of_file(file, growing.path(), growing.length());

@@ -3,13 +3,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::Shell;
-use super::state::Course;
+use super::shell::Shell;
+use super::state::Progression;
 use crate::Error;
 use crate::pipeline::events::{Ending, News, Tell};
 use crate::record::{Block, Event, Scan, Sidecar};
 use crate::run::batch;
-use crate::run::input::growing_file::{Growing, Look};
+use crate::run::input::growing_file::{GrowingFile, Look};
 use crate::run::tail::checkpoint::StateOf;
 
 /// Reads of less would cost more than the bytes (1 MiB).
@@ -30,7 +30,7 @@ enum Reached {
 
 impl Shell<'_> {
     /// Follows to the end.
-    pub(super) fn record(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<Ending, Error> {
+    pub(super) fn record(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
         loop {
             let ending = self.record_file(course, tell)?;
             match self.await_next(course, ending, tell)? {
@@ -48,7 +48,7 @@ impl Shell<'_> {
     }
 
     /// Follows a file to its end.
-    fn record_file(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<Ending, Error> {
+    fn record_file(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
         let mut last = Instant::now();
         let mut unnamed = None;
         loop {
@@ -94,10 +94,10 @@ impl Shell<'_> {
     /// The next file of the recording, or why there is none.
     fn await_next(
         &mut self,
-        course: &Course,
+        course: &Progression,
         ending: Ending,
         tell: Tell<'_>,
-    ) -> Result<Result<Growing, Ending>, Error> {
+    ) -> Result<Result<GrowingFile, Ending>, Error> {
         if ending == Ending::Truncated {
             return Ok(Err(ending));
         }
@@ -125,7 +125,7 @@ impl Shell<'_> {
     }
 
     /// Reads what is there, and writes what it teaches.
-    fn read(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<Reached, Error> {
+    fn read(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Reached, Error> {
         let before = course.scan.offset();
         let reached = loop {
             let event = match course.scan.next_event() {
@@ -177,7 +177,7 @@ impl Shell<'_> {
     }
 
     /// Writes the blocks that were closed. A full disk is waited for.
-    fn write(&mut self, course: &mut Course, tell: Tell<'_>) -> Result<(), Error> {
+    fn write(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<(), Error> {
         if !course.learner.has_blocks() {
             return Ok(());
         }
@@ -192,7 +192,7 @@ impl Shell<'_> {
     }
 
     /// Encodes blocks, to be written next.
-    pub(super) fn append(&mut self, course: &mut Course, blocks: &[Block]) -> Result<(), Error> {
+    pub(super) fn append(&mut self, course: &mut Progression, blocks: &[Block]) -> Result<(), Error> {
         let sidecar = match &mut course.sidecar {
             Some(sidecar) => sidecar,
             none => {
@@ -209,7 +209,7 @@ impl Shell<'_> {
         Ok(())
     }
 
-    fn save_if_due(&mut self, course: &mut Course, tell: Tell<'_>) {
+    fn save_if_due(&mut self, course: &mut Progression, tell: Tell<'_>) {
         if self.checkpoint.is_due()
             && let Err(error) = self.save(course)
         {
@@ -218,7 +218,7 @@ impl Shell<'_> {
     }
 
     /// Saves where it stands, if that is a place to go on from: all that was learned is written.
-    pub(super) fn save(&mut self, course: &mut Course) -> Result<(), Error> {
+    pub(super) fn save(&mut self, course: &mut Progression) -> Result<(), Error> {
         if course.learner.has_blocks() || self.appending.has_pending() || !self.indexes.is_durable() {
             return Ok(());
         }

@@ -4,18 +4,18 @@
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::run::input::growing_file::Growing;
+use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::rosbag2;
 use crate::run::input::splits::Input;
 
 /// The place of a recording.
 #[derive(Debug)]
-pub(super) enum Trail {
+pub(super) enum Location {
     File(PathBuf),
     Folder(PathBuf),
 }
 
-impl Trail {
+impl Location {
     /// By what is there now.
     pub(super) fn of(path: &Path) -> Self {
         let path = path.to_owned();
@@ -40,9 +40,9 @@ impl Trail {
     }
 
     /// The file that comes behind those, if it has begun.
-    pub(super) fn next(&self, behind: &[&str]) -> Result<Option<Growing>, Error> {
+    pub(super) fn next(&self, behind: &[&str]) -> Result<Option<GrowingFile>, Error> {
         match (self, behind) {
-            (Self::File(path), []) => Growing::open(path),
+            (Self::File(path), []) => GrowingFile::open(path),
             (Self::File(_), _) => Ok(None),
             (Self::Folder(folder), _) => {
                 let files = rosbag2::files(folder);
@@ -53,14 +53,14 @@ impl Trail {
                 // What a finished recording lists comes first, and in that order.
                 let files = rosbag2::listed(folder).into_iter().flatten().chain(files);
                 let next = files.into_iter().find(|name| !behind.contains(&name.as_str()));
-                next.map_or(Ok(None), |name| Growing::open(&folder.join(name)))
+                next.map_or(Ok(None), |name| GrowingFile::open(&folder.join(name)))
             }
         }
     }
 
     /// Opens a file of the recording once more.
-    pub(super) fn again(&self, name: &str) -> Result<Option<Growing>, Error> {
-        Growing::open(&match self {
+    pub(super) fn again(&self, name: &str) -> Result<Option<GrowingFile>, Error> {
+        GrowingFile::open(&match self {
             Self::File(path) => path.clone(),
             Self::Folder(folder) => folder.join(name),
         })

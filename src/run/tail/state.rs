@@ -1,27 +1,25 @@
 //! How far the following of a recording has come: all that changes with its bytes. Reading them is left to
 //! [`follow`](super::follow), saving where it stands to [`Checkpoint`](crate::run::tail::checkpoint::Checkpoint).
 
-use mcap::MAGIC;
-
-use super::Shell;
 use super::index_log::{IndexLog, Kind};
-use super::location::Trail;
+use super::location::Location;
+use super::shell::Shell;
 use crate::Error;
 use crate::pipeline::events::{News, Progress, Tell};
 use crate::pipeline::learner::Learner;
-use crate::record::{Scan, Sidecar};
-use crate::run::input::growing_file::Growing;
-use crate::run::output::sidecar_file::Appending;
+use crate::record::{START, Scan, Sidecar, is_beginning};
+use crate::run::input::growing_file::GrowingFile;
+use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::stop::Stop;
-use crate::run::tail::checkpoint::{Found, Split, State};
+use crate::run::tail::checkpoint::{Loaded, Split, State};
 
 /// A recording that is followed.
-pub(super) struct Course {
-    pub(super) trail: Trail,
+pub(super) struct Progression {
+    pub(super) trail: Location,
     /// Files that have been read to their ends.
     pub(super) done: Vec<Split>,
     /// The file that is read.
-    pub(super) growing: Growing,
+    pub(super) growing: GrowingFile,
     pub(super) scan: Scan,
     pub(super) learner: Learner,
     /// `None` before it has begun.
@@ -32,11 +30,16 @@ pub(super) struct Course {
     pub(super) blocks: u64,
 }
 
-impl Course {
+impl Progression {
     /// Takes up what a killed run had done, or begins.
-    pub(super) fn begin(shell: &mut Shell<'_>, trail: Trail, first: Growing, tell: Tell<'_>) -> Result<Self, Error> {
+    pub(super) fn begin(
+        shell: &mut Shell<'_>,
+        trail: Location,
+        first: GrowingFile,
+        tell: Tell<'_>,
+    ) -> Result<Self, Error> {
         match shell.checkpoint.load(&shell.owner)? {
-            Found::State(state) => match find(&trail, &state)? {
+            Loaded::State(state) => match find(&trail, &state)? {
                 Some(growing) if state.length <= shell.appending.length() && shell.indexes.resume(state.indexes)? => {
                     return Self::resume(shell, trail, growing, *state, tell);
                 }
@@ -46,14 +49,14 @@ impl Course {
                     shell.set_aside(Some(*state), tell)?;
                 }
             },
-            Found::Useless(why, state) => {
+            Loaded::Useless(why, state) => {
                 tell(News::Trouble(&format!("the checkpoint {why}: starting anew")));
                 let found = state.as_ref().map_or(Ok(None), |state| find(&trail, state))?;
                 if found.is_none() {
                     shell.set_aside(state.map(|state| *state), tell)?;
                 }
             }
-            Found::Nothing => {}
+            Loaded::Nothing => {}
         }
         // What is there of this recording is found again.
         shell.appending.begin_anew()?;
@@ -77,8 +80,8 @@ impl Course {
 
     fn resume(
         shell: &mut Shell<'_>,
-        trail: Trail,
-        growing: Growing,
+        trail: Location,
+        growing: GrowingFile,
         state: State,
         tell: Tell<'_>,
     ) -> Result<Self, Error> {
@@ -94,7 +97,7 @@ impl Course {
     }
 
     /// Takes in what a killed run had learned.
-    fn recall(&mut self, sidecar: &Appending, stop: &Stop) -> Result<(), Error> {
+    fn recall(&mut self, sidecar: &SidecarFile, stop: &Stop) -> Result<(), Error> {
         let topics = self.learner.topics().to_vec();
         let mut next = sidecar.blocks(&topics);
         while let Some(block) = next()? {
@@ -106,7 +109,7 @@ impl Course {
     }
 
     /// Begins the next file. All that was learned of the one before has been written.
-    pub(super) fn turn_to(&mut self, next: Growing, indexes: u64, tell: Tell<'_>) -> Result<(), Error> {
+    pub(super) fn turn_to(&mut self, next: GrowingFile, indexes: u64, tell: Tell<'_>) -> Result<(), Error> {
         let name = self.trail.name_of(next.path());
         tell(News::Split(name.as_deref().unwrap_or_default()));
         self.learner.begin_split(name, false);
@@ -155,7 +158,7 @@ impl Course {
 }
 
 /// The file that a killed run was reading, if all that it had read is still there.
-fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
+fn find(trail: &Location, state: &State) -> Result<Option<GrowingFile>, Error> {
     // A folder and a file beside it may have results of the same stem.
     if trail.has_names() == state.name.is_empty() {
         return Ok(None);
@@ -171,11 +174,11 @@ fn find(trail: &Trail, state: &State) -> Result<Option<Growing>, Error> {
 }
 
 /// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.
-fn from_the_start(mut growing: Growing) -> Result<Growing, Error> {
-    let mut magic = [0; MAGIC.len()];
+fn from_the_start(mut growing: GrowingFile) -> Result<GrowingFile, Error> {
+    let mut start = [0; START];
     // What has been set aside for it on the disk is no beginning yet.
-    if growing.length() >= MAGIC.len() as u64 && growing.read(&mut magic, 0)? && magic == *MAGIC {
-        growing.passed(MAGIC.len() as u64)?;
+    if growing.length() >= START as u64 && growing.read(&mut start, 0)? && is_beginning(&start) {
+        growing.passed(START as u64)?;
     }
     Ok(growing)
 }
@@ -189,9 +192,9 @@ mod tests {
     fn a_chunk_that_is_open_when_the_recording_is_found_may_close() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rec.mcap");
-        let header = [MAGIC, &[1; 30]].concat();
+        let header = [mcap::MAGIC, &[1; 30]].concat();
         std::fs::write(&path, [header.as_slice(), &[6], &[0xFF; 8], &[0; 40]].concat()).unwrap();
-        let mut growing = from_the_start(Growing::open(&path).unwrap().unwrap()).unwrap();
+        let mut growing = from_the_start(GrowingFile::open(&path).unwrap().unwrap()).unwrap();
         // Written over in its place, and further.
         let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
         std::io::Write::write_all(&mut file, &[header.as_slice(), &[6], &[0; 300]].concat()).unwrap();

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::run::input::growing_file::Growing;
+use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::rosbag2;
 
 /// A recording, as far as it can be told from another one of its name.
@@ -62,7 +62,7 @@ impl Stamp {
 
 /// Whether a recorder has finished a recording.
 pub(super) fn is_finished(recording: &Path) -> bool {
-    let closed = |file: &Path| Growing::open(file).ok().flatten().is_some_and(|growing| growing.is_closed());
+    let closed = |file: &Path| GrowingFile::open(file).ok().flatten().is_some_and(|growing| growing.is_closed());
     if !recording.is_dir() {
         return closed(recording);
     }

@@ -27,7 +27,7 @@ struct Counts {
     errors: u64,
     /// Recordings by state.
     states: BTreeMap<&'static str, u64>,
-    followed: BTreeMap<PathBuf, Followed>,
+    followed: BTreeMap<PathBuf, FollowedCounts>,
     /// When the directory was looked through last.
     round: Option<Instant>,
     /// Who is at work on which recording.
@@ -36,7 +36,7 @@ struct Counts {
 
 /// A recording while it is followed: what of it has been counted, so that nothing is counted twice when it is read again.
 #[derive(Debug, Default)]
-struct Followed {
+struct FollowedCounts {
     rests: u64,
     /// Of the findings told since the last [`News::Read`].
     seen: u64,
@@ -137,9 +137,9 @@ impl Metrics {
         ] {
             metric(name, "counter", help, &[(String::new(), value as f64)]);
         }
-        let behind = |followed: &Followed| followed.length.saturating_sub(followed.read) as f64;
-        let seconds = |followed: &Followed| followed.behind.map_or(0.0, |since| since.elapsed().as_secs_f64());
-        let lag = |of: &dyn Fn(&Followed) -> f64| -> Vec<_> {
+        let behind = |followed: &FollowedCounts| followed.length.saturating_sub(followed.read) as f64;
+        let seconds = |followed: &FollowedCounts| followed.behind.map_or(0.0, |since| since.elapsed().as_secs_f64());
+        let lag = |of: &dyn Fn(&FollowedCounts) -> f64| -> Vec<_> {
             let each = counts.followed.iter();
             each.map(|(path, followed)| (format!("{{recording=\"{}\"}}", escaped(path)), of(followed))).collect()
         };
@@ -155,7 +155,7 @@ impl Metrics {
 }
 
 impl Counts {
-    fn followed(&mut self, recording: &Path) -> &mut Followed {
+    fn followed(&mut self, recording: &Path) -> &mut FollowedCounts {
         self.followed.entry(recording.to_owned()).or_default()
     }
 

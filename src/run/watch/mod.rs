@@ -5,7 +5,9 @@ mod http;
 mod metrics;
 mod results;
 mod service;
+mod watching;
 
 pub use http::serve;
 pub use metrics::Metrics;
-pub use service::{Show, Verdict, Watching, watch};
+pub use service::{Show, Verdict, watch};
+pub use watching::Watching;

@@ -6,9 +6,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::discovery;
-use super::discovery::Stamp;
-use super::service::{State, Watching};
+use super::discovery::{self, Stamp};
+use super::watching::{WatchState, Watching};
 use crate::Error;
 use crate::record::Kind;
 use crate::run::input::recording::{Recording, Watch};
@@ -129,22 +128,22 @@ impl Watching {
     }
 
     /// What the outputs say of a recording.
-    pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> State {
+    pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> WatchState {
         let output = self.output(recording);
         let checkpoint = checkpoint_of(&sidecar_of(&output));
         if checkpoint.exists() && !checkpoint::is_foreign(&checkpoint) {
-            return State::Waiting;
+            return WatchState::Waiting;
         }
         // One that is younger than its result may be another one, of the same length.
         let younger = Stamp::of(&output).is_some_and(|output| stamp.modified_ns > output.modified_ns);
         if !younger && original_length(&output) == Some(length(recording, stamp)) {
-            return State::Annotated;
+            return WatchState::Annotated;
         }
         let quarantine = Quarantine::read(&self.quarantine(recording));
         let holds = |quarantine: &Quarantine| quarantine.stamp == *stamp && quarantine.configuration == configuration;
         match quarantine.as_ref().is_some_and(holds) {
-            true => State::Quarantined,
-            false => State::Waiting,
+            true => WatchState::Quarantined,
+            false => WatchState::Waiting,
         }
     }
 

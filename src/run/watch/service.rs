@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::discovery::{Stamp, recordings};
 use super::results::{self, Attempt, Quarantine, make_way};
+use super::watching::{WatchState, Watching};
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::events::{Ending, News};
@@ -27,25 +28,6 @@ const ATTEMPTS: u32 = 6;
 /// After so many runs died over a recording, it is left alone. Fewer may have been killed for other reasons.
 const DEATHS: u32 = 4;
 
-/// How to watch.
-#[derive(Clone, Debug)]
-pub struct Watching {
-    /// Where recordings appear; in its folders, too.
-    pub folder: PathBuf,
-    /// Where results go, under the same names and folders; beside the recordings if `None`.
-    pub out: Option<PathBuf>,
-    /// Between two looks through the directory.
-    pub interval: Duration,
-    /// Growing recordings that are followed at a time.
-    pub growing: usize,
-    /// Finished ones that are worked on at a time.
-    pub finished: usize,
-    /// How to follow each.
-    pub following: Following,
-    /// How long work on a finished one may take; by its length if `None`.
-    pub time_limit: Option<Duration>,
-}
-
 /// What became of a recording.
 #[derive(Debug)]
 pub enum Verdict<'a> {
@@ -63,22 +45,12 @@ pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&News<'_>) + 'a> + Sync);
 #[derive(Debug)]
 struct Entry {
     stamp: Stamp,
-    state: State,
+    state: WatchState,
     attempts: u32,
     /// Runs that died while they worked on it.
     deaths: u32,
     /// Nothing more is to be expected of it, as it stands.
     finished: bool,
-}
-
-#[derive(Debug, PartialEq)]
-pub(super) enum State {
-    Waiting,
-    /// Followed; whether as a finished one.
-    Running(bool),
-    Again(Instant),
-    Annotated,
-    Quarantined,
 }
 
 struct Finished {
@@ -206,20 +178,22 @@ impl Watcher<'_> {
     /// Looks through the directory. What another configuration refused may be welcome.
     fn look(&mut self, configuration: u32) {
         if std::mem::replace(&mut self.configuration, configuration) != configuration {
-            self.entries.retain(|_, entry| entry.state != State::Quarantined);
+            self.entries.retain(|_, entry| entry.state != WatchState::Quarantined);
         }
         let Ok(found) = recordings(&self.watching.folder) else {
             self.metrics.error();
             return;
         };
-        self.entries.retain(|path, entry| found.contains_key(path) || matches!(entry.state, State::Running(_)));
+        self.entries.retain(|path, entry| found.contains_key(path) || matches!(entry.state, WatchState::Running(_)));
         for (path, stamp) in found {
             match self.entries.get_mut(&path) {
-                Some(entry) if entry.stamp == stamp || matches!(entry.state, State::Running(_) | State::Again(_)) => {}
+                Some(entry)
+                    if entry.stamp == stamp || matches!(entry.state, WatchState::Running(_) | WatchState::Again(_)) => {
+                }
                 _ => {
                     let state = self.watching.state(&path, &stamp, self.configuration);
                     let deaths = match state {
-                        State::Waiting => Attempt::deaths(&self.watching.attempt(&path), &stamp),
+                        WatchState::Waiting => Attempt::deaths(&self.watching.attempt(&path), &stamp),
                         _ => 0,
                     };
                     self.entries.insert(path.clone(), Entry { stamp, state, attempts: 0, deaths, finished: false });
@@ -235,18 +209,18 @@ impl Watcher<'_> {
     /// The next recording to be worked on, and whether it is a finished one.
     fn next(&mut self) -> Option<(PathBuf, bool)> {
         let running =
-            |as_finished| self.entries.values().filter(|entry| entry.state == State::Running(as_finished)).count();
+            |as_finished| self.entries.values().filter(|entry| entry.state == WatchState::Running(as_finished)).count();
         let running_finished = running(true);
         let room = [(false, running(false) < self.watching.growing), (true, running(true) < self.watching.finished)];
         if room.iter().all(|(_, free)| !free) {
             return None;
         }
         let now = Instant::now();
-        let in_doubt = self.entries.values().any(|entry| entry.deaths > 0 && entry.state == State::Running(true));
+        let in_doubt = self.entries.values().any(|entry| entry.deaths > 0 && entry.state == WatchState::Running(true));
         for (path, entry) in &mut self.entries {
             let due = match entry.state {
-                State::Waiting => entry.stamp.length > 0,
-                State::Again(at) => at <= now,
+                WatchState::Waiting => entry.stamp.length > 0,
+                WatchState::Again(at) => at <= now,
                 _ => false,
             };
             if !due {
@@ -263,7 +237,7 @@ impl Watcher<'_> {
                 continue;
             }
             if room.contains(&(finished, true)) {
-                entry.state = State::Running(finished);
+                entry.state = WatchState::Running(finished);
                 return Some((path.clone(), finished));
             }
         }
@@ -294,9 +268,9 @@ impl Watcher<'_> {
                 let is_its = |length| length == now.length || length == results::length(&path, &now);
                 entry.state = match tailed.ending {
                     // Another recording may have taken the name since.
-                    Ending::Replaced | Ending::Truncated => State::Waiting,
+                    Ending::Replaced | Ending::Truncated => WatchState::Waiting,
                     // It has just been compared, whatever its times say.
-                    _ if tailed.written == Written::Before && is_its(tailed.length) => State::Annotated,
+                    _ if tailed.written == Written::Before && is_its(tailed.length) => WatchState::Annotated,
                     Ending::Finished | Ending::Idle | Ending::Deleted => {
                         self.watching.state(&path, &now, self.configuration)
                     }
@@ -304,7 +278,7 @@ impl Watcher<'_> {
                 (entry.attempts, entry.deaths, entry.finished) = (0, 0, false);
                 entry.stamp = now;
             }
-            Err(Error::Stopped | Error::Paused) => entry.state = State::Waiting,
+            Err(Error::Stopped | Error::Paused) => entry.state = WatchState::Waiting,
             Err(error) => {
                 self.metrics.error();
                 entry.attempts += 1;
@@ -319,7 +293,7 @@ impl Watcher<'_> {
                 }
                 let wait = FIRST_RETRY.saturating_mul(1 << entry.attempts.min(16).saturating_sub(1)).min(LAST_RETRY);
                 (self.tell)(&path, Verdict::Again(&error, wait));
-                entry.state = State::Again(Instant::now() + wait);
+                entry.state = WatchState::Again(Instant::now() + wait);
             }
         }
     }
@@ -333,7 +307,7 @@ impl Watcher<'_> {
         };
         (self.tell)(path, Verdict::Quarantined(&reason));
         self.metrics.forget(path);
-        entry.state = State::Quarantined;
+        entry.state = WatchState::Quarantined;
         if let Some(now) = Stamp::of(path) {
             entry.stamp = now;
         }
@@ -349,10 +323,10 @@ impl Watcher<'_> {
         let mut states = BTreeMap::from(["waiting", "following", "annotated", "quarantined"].map(|state| (state, 0)));
         for entry in self.entries.values() {
             let state = match entry.state {
-                State::Waiting | State::Again(_) => "waiting",
-                State::Running(_) => "following",
-                State::Annotated => "annotated",
-                State::Quarantined => "quarantined",
+                WatchState::Waiting | WatchState::Again(_) => "waiting",
+                WatchState::Running(_) => "following",
+                WatchState::Annotated => "annotated",
+                WatchState::Quarantined => "quarantined",
             };
             *states.entry(state).or_default() += 1;
         }

@@ -3,12 +3,12 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::rate::Rate;
-use super::{Look, Stamped, Use, head};
 use crate::config::Config;
 use crate::imu::{AccelUnit, FirstReadings, ImuConfig, Reading, Relation, Sensor, UnitGuess};
 use crate::record::Event;
 use crate::run::input::recording::{Recording, Watch};
+use crate::run::inspect::look::{ChannelLook, Stamped, Use, head};
+use crate::run::inspect::rate::Rate;
 use crate::{Error, Stamp};
 
 /// So many accelerometers are held against each other, to tell one sensor on two topics.
@@ -23,7 +23,7 @@ pub(super) fn peek(
 ) -> Result<(), Error> {
     let suggested = channels.iter().filter_map(|used| used.configuration.clone());
     let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
-    let mut look = Look::new(&Config { imu: imus, ..config.clone() });
+    let mut look = ChannelLook::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
     let mut stamped = BTreeMap::new();
     // Of the readings that are looked at, those that have not shown enough.

@@ -1,5 +1,5 @@
 //! What is wrong with a recording, and what becomes of the scan then: it goes on behind a record whose framing is sound,
-//! [searches](super::search) where it is not, or ends.
+//! [searches](super::resync) where it is not, or ends.
 
 use mcap::MAGIC;
 

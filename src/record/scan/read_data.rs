@@ -1,15 +1,15 @@
-//! The records in front of DataEnd. What stands behind a chunk is left to [`message_indexes`](super::message_indexes),
-//! attachments to [`attachments`](super::attachments).
+//! The records in front of DataEnd. What stands behind a chunk is left to [`check_indexes`](super::check_indexes),
+//! attachments to [`read_attachment`](super::read_attachment).
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 use super::message_indexes::OpenChunk;
 use super::search::HEAD;
-use super::{Scan, Stage, Step, Supply, within};
+use super::telling::Telling;
+use super::{Scan, Stage, Step, Supply};
 use crate::record::Message;
-use crate::record::chunk::{Content, Inflate, LIMIT, Opened, Place, locate};
-use crate::record::horizon::{Frame, Horizon, Stop};
+use crate::record::chunk::{Content, LIMIT, Place, locate};
+use crate::record::horizon::{Frame, Stop};
 use crate::record::inventory::Learned;
 use crate::record::records::{ChunkIndex, Header, MetadataIndex, parse_metadata};
 use crate::record::survey::Survey;
@@ -18,48 +18,10 @@ use crate::record::wire::{FRAME, Fields, op};
 /// How far the log time of a message outside the chunks may lie from theirs, in nanoseconds (a day).
 const DAY: u64 = 86_400_000_000_000;
 
-/// Records in order, from which messages are told.
-pub(super) struct Telling {
-    pub(super) frame: Frame,
-    /// The bytes that hold the records, in front of the horizon or in `opened`.
-    pub(super) data: Range<usize>,
-    pub(super) place: Place,
-    /// The chunk, if somebody else opened it.
-    pub(super) opened: Option<Opened>,
-    /// The record that is being told, within the records.
-    pub(super) at: Range<usize>,
-    /// Whether the end of a chunk is to be told.
-    pub(super) ends: bool,
-}
-
-impl Telling {
-    /// The records from which is told.
-    pub(super) fn records<'a>(&'a self, inflate: &'a Inflate, horizon: &'a Horizon) -> &'a [u8] {
-        match &self.opened {
-            Some(opened) => opened.records(self.place, &self.data),
-            None => inflate.records(self.place, within(horizon, &self.data)),
-        }
-    }
-
-    /// Goes on to the next message, if there is one.
-    pub(super) fn advance(&mut self, inflate: &Inflate, horizon: &Horizon) -> bool {
-        loop {
-            let records = self.records(inflate, horizon);
-            let mut rest = Fields(records.get(self.at.end..).unwrap_or_default());
-            let before = rest.0.len();
-            let Some((opcode, _)) = rest.record() else { return false };
-            self.at = self.at.end..self.at.end + before - rest.0.len();
-            if opcode == op::MESSAGE {
-                return true;
-            }
-        }
-    }
-}
-
 impl Scan {
     pub(super) fn data_record(&mut self, frame: Frame) -> Result<(), Stop> {
         if frame.opcode != op::MESSAGE_INDEX {
-            self.orphans = false;
+            self.indexes.orphans = false;
         }
         match frame.opcode {
             op::CHUNK => return self.chunk_record(frame),
@@ -152,7 +114,7 @@ impl Scan {
                 let ends = frame.opcode == op::MESSAGE;
                 self.inventory.loose |= ends;
                 if let Some(channel) = channel {
-                    let (last, longest) = self.lengths.entry(channel).or_default();
+                    let (last, longest) = self.sync.lengths.entry(channel).or_default();
                     (*last, *longest) = (frame.length, frame.length.max(*longest));
                 }
                 self.admit(frame, survey);
@@ -224,14 +186,14 @@ impl Scan {
                 index.length = frame.end() - frame.offset;
                 let tallies = Some(survey.tallies.clone());
                 self.admit(frame, survey);
-                self.chunk = Some(OpenChunk { index, tallies, span: None, followed: false });
+                self.indexes.chunk = Some(OpenChunk { index, tallies, span: None, followed: false });
                 self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
                 self.horizon.may_change(frame.end())?;
                 self.spent = opened;
                 self.reject(frame, what);
-                self.orphans = true;
+                self.indexes.orphans = true;
                 self.pass(frame);
             }
         }
@@ -247,7 +209,7 @@ impl Scan {
         self.horizon.peek(data.end)?;
         let body = self.horizon.body(frame, HEAD)?;
         Ok(locate(body, frame.length).and_then(|(header, _)| {
-            let bytes = within(&self.horizon, &data);
+            let bytes = self.horizon.within(&data);
             Content::of(&header, data, bytes, &mut self.inflate)
         }))
     }
@@ -259,12 +221,12 @@ impl Scan {
         match locate(head, frame.length).map(|(header, _)| header.index()) {
             Ok(index) => {
                 let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
-                self.chunk = Some(OpenChunk { index, tallies: None, span: None, followed: false });
+                self.indexes.chunk = Some(OpenChunk { index, tallies: None, span: None, followed: false });
                 self.queue.push_back(Step::ChunkEnd);
             }
             Err(what) => {
                 self.reject(frame, what);
-                self.orphans = true;
+                self.indexes.orphans = true;
             }
         }
         self.pass(frame);

@@ -1,0 +1,41 @@
+//! What is wrong with a configuration, and where.
+
+/// What is wrong with a configuration, and where.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// Not TOML.
+    #[error("{at}: {why}")]
+    Syntax {
+        /// File and line, or the option.
+        at: String,
+        /// What the parser says.
+        why: String,
+    },
+    /// A key, or the name of a choice, that does not exist.
+    #[error("{at}: `{key}`: no such {kind} `{name}`{advice}")]
+    Unknown {
+        /// File and line, or the option.
+        at: String,
+        /// The dotted key.
+        key: String,
+        /// "key" or "choice".
+        kind: &'static str,
+        /// What was written.
+        name: String,
+        /// The nearest valid name, or all of them.
+        advice: String,
+    },
+    /// A value of the wrong type or outside its range.
+    #[error("{at}: `{key}`: {why}")]
+    Value {
+        /// File and line, or the option.
+        at: String,
+        /// The dotted key.
+        key: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// Not `key=value`.
+    #[error("--set {0}: expected key=value, for example --set still.min_fit_s=2")]
+    Set(String),
+}

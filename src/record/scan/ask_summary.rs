@@ -1,0 +1,40 @@
+//! The summary asked before its time, and gone back from.
+
+use super::guide::{Asking, Guide};
+use super::{Scan, Stage};
+use crate::record::horizon::Stop;
+
+impl Scan {
+    /// Asks the summary, and comes back here. In a recording that still grows, there is none yet.
+    pub(super) fn ask(&mut self) -> Result<(), Stop> {
+        if !self.horizon.extent().finished {
+            return Err(self.horizon.wait());
+        }
+        self.stage = Stage::Asking(Box::new(Asking::new(self.horizon.offset())));
+        Ok(())
+    }
+
+    pub(super) fn answer(&mut self) -> Result<(), Stop> {
+        let Stage::Asking(mut asking) = std::mem::take(&mut self.stage) else { return Ok(()) };
+        let in_order = match asking.read(&mut self.horizon) {
+            Err(stop @ Stop::Read { .. }) => {
+                self.stage = Stage::Asking(asking);
+                return Err(stop);
+            }
+            read => read.unwrap_or(false),
+        };
+        self.horizon.seek(asking.back);
+        self.stage = Stage::Record;
+        let guide = match in_order {
+            true => {
+                let (guide, schemas, channels) = asking.guide();
+                // What contradicts the data is said when the summary is read in its turn.
+                self.learn_from_summary(schemas, channels);
+                guide
+            }
+            false => Guide::default(),
+        };
+        self.guide = Some(guide);
+        Ok(())
+    }
+}

@@ -1,0 +1,112 @@
+//! What stands behind a chunk: each message index is held against the chunk, and where one is damaged or missing, the
+//! chunk is looked at again.
+
+use std::collections::BTreeMap;
+
+use super::message_indexes::{ChunkReindexing, OpenChunk};
+use super::{Scan, Stage};
+use crate::record::chunk::LIMIT;
+use crate::record::horizon::{Frame, Stop};
+use crate::record::records::parse_message_index;
+use crate::record::reindex::Reindexed;
+use crate::record::shape::{Measure, measure};
+use crate::record::wire::op;
+
+impl Scan {
+    pub(super) fn message_index_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        let body = self.horizon.body(frame, LIMIT)?;
+        let about = parse_message_index(body).map(|(channel, _)| channel);
+        let agrees = self.indexes.chunk.as_ref().is_some_and(|chunk| chunk.agrees(body).is_some());
+        let Some(channel) = about else {
+            self.reject(frame, "a malformed message index");
+            return Ok(());
+        };
+        self.inventory.mentioned.insert(channel);
+        match &mut self.indexes.chunk {
+            Some(OpenChunk { index, tallies, span, .. }) if agrees => {
+                if tallies.is_none() && !index.message_indexes.contains_key(&channel) {
+                    let (count, times) = extent(body);
+                    *span = span.iter().chain(&times).copied().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+                    self.inventory.count_unread(channel, count, times);
+                }
+                // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
+                let behind = index.offset.saturating_add(index.length).saturating_add(index.message_indexes_length);
+                if frame.offset == behind {
+                    index.message_indexes.insert(channel, frame.offset);
+                    index.message_indexes_length += frame.end() - frame.offset;
+                }
+            }
+            Some(_) => {
+                self.reject(frame, format!("a message index of channel {channel} that does not agree with its chunk"))
+            }
+            None if self.indexes.orphans => {}
+            None => {
+                self.indexes.orphans = true;
+                self.reject(frame, "a message index without its chunk");
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether what looks like something else is a message index, of which the opcode alone is damaged.
+    pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
+        let Some(chunk) = &self.indexes.chunk else { return Ok(false) };
+        if frame.opcode == op::MESSAGE_INDEX || !(6..=LIMIT).contains(&frame.length) {
+            return Ok(false);
+        }
+        match measure(op::MESSAGE_INDEX, self.horizon.body(frame, 6)?) == Measure::Says(frame.length) {
+            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?)),
+            false => Ok(false),
+        }
+    }
+
+    /// All message indexes of the last chunk have been seen, and this record follows, if it is known. Whether the chunk
+    /// must be looked at again before going on: behind damaged or missing indexes, or a recording's end.
+    pub(super) fn close_chunk(&mut self, next: Option<Frame>) -> bool {
+        let Some(OpenChunk { mut index, tallies, span, followed }) = self.indexes.chunk.take() else { return false };
+        (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
+        let is_missing = |channel| !index.message_indexes.contains_key(channel);
+        let is_incomplete = tallies.iter().flat_map(BTreeMap::keys).any(is_missing);
+        let by_choice = !followed && next.is_some_and(|next| is_usual_behind_chunk(next.opcode));
+        self.inventory.unindexed |= is_incomplete && by_choice;
+        match is_incomplete && !by_choice {
+            true => self.stage = Stage::Reindexing(Box::new(ChunkReindexing::of(index, self.horizon.offset()))),
+            false => self.inventory.summary.index(&index),
+        }
+        is_incomplete && !by_choice
+    }
+
+    pub(super) fn reindex(&mut self) -> Result<(), Stop> {
+        let Stage::Reindexing(reindexing) = &self.stage else { return Ok(()) };
+        self.horizon.seek(reindexing.chunk.offset);
+        let frame = self.horizon.frame()?;
+        let content = self.open_chunk(frame)?;
+        let Stage::Reindexing(reindexing) = std::mem::take(&mut self.stage) else { return Ok(()) };
+        let ChunkReindexing { chunk, back } = *reindexing;
+        match content {
+            Ok(content) => {
+                let records = self.inflate.records(content.place, self.horizon.within(&content.data));
+                self.inventory.summary.index_later(Reindexed::of(chunk, records));
+            }
+            // It was in order a moment ago.
+            Err(_) => self.inventory.summary.index(&chunk),
+        }
+        self.horizon.seek(back);
+        self.stage = Stage::Record;
+        Ok(())
+    }
+}
+
+/// Whether a record of this opcode stands behind a chunk where a recorder writes no message indexes.
+fn is_usual_behind_chunk(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END)
+}
+
+/// How many messages a message index names, and their first and last log time.
+fn extent(body: &[u8]) -> (u64, Option<(u64, u64)>) {
+    let entries = parse_message_index(body).map(|(_, entries)| entries);
+    entries.into_iter().flatten().fold((0, None), |(count, span), (time, _)| {
+        let (from, until) = span.unwrap_or((time, time));
+        (count + 1, Some((from.min(time), until.max(time))))
+    })
+}

@@ -1,0 +1,180 @@
+//! Where a record ends. Its length may be corrupt, so it is held against what the record's content says and against
+//! what follows: one that ends elsewhere would swallow whole records behind it.
+
+use mcap::MAGIC;
+
+use super::Scan;
+use super::bounds::{Bounds, REACH};
+use super::search::Search;
+use crate::record::horizon::{Frame, Stop};
+use crate::record::shape::{Measure, SPARE, begins, end, fits, head, is_defined, measure};
+use crate::record::wire::{FRAME, Fields, op};
+
+/// A message of this length in bytes is looked through for others (64 KiB); a longer one if none was as long before.
+const SMALL: u64 = 1 << 16;
+
+impl Scan {
+    /// Judges the length of the record that begins here, all of which lies within the recording.
+    pub(super) fn bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
+        if self.sync.trusted == Some(frame.offset) || self.summary.begun {
+            return Ok(Bounds::Sound);
+        }
+        if frame.opcode == op::MESSAGE && fits(frame.opcode, frame.length) {
+            return self.message_bounds(frame);
+        }
+        let content = self.measured(frame, frame.length)?;
+        match content {
+            Measure::Says(length) if length == frame.length => return Ok(Bounds::Sound),
+            // What stands in a record of this opcode is not known, and it is too long to look behind it.
+            Measure::Silent if fits(frame.opcode, frame.length) && frame.length > REACH => return Ok(Bounds::Sound),
+            _ => {}
+        }
+        let ends = |length| end(frame.offset, length);
+        // A record may be longer than its content, but hardly so that records stand where the content ends.
+        if let Measure::Says(length) = content
+            && length < frame.length
+            && self.chain_at(ends(length))?
+        {
+            return Ok(Bounds::Ends(ends(length)));
+        }
+        let follows = match content {
+            Measure::Silent => self.begins_at(frame.end())?,
+            _ => self.goes_on_at(frame.end())?,
+        };
+        if follows {
+            let sound = fits(frame.opcode, frame.length);
+            return Ok(if sound { Bounds::Sound } else { Bounds::Ends(frame.end()) });
+        }
+        if let Measure::Says(length) = content
+            && length < frame.length
+            && self.is_cut_off_at(ends(length))?
+        {
+            return Ok(Bounds::Ends(ends(length)));
+        }
+        let beyond = match content {
+            Measure::Needs(_) => self.measured(frame, REACH)?,
+            content => content,
+        };
+        match beyond {
+            Measure::Says(length) if self.goes_on_at(ends(length))? => Ok(Bounds::Ends(ends(length))),
+            beyond => Ok(Bounds::Lost(Search::behind(frame, beyond))),
+        }
+    }
+
+    /// A message says nothing of its length, but the one before it on its channel does. One of another length may have
+    /// swallowed those behind it.
+    fn message_bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
+        let channel = Fields(self.horizon.body(frame, 2)?).u16().unwrap_or_default();
+        let (before, longest) = self.sync.lengths.get(&channel).copied().unwrap_or_default();
+        if before == frame.length || frame.length > REACH {
+            return Ok(Bounds::Sound);
+        }
+        if !self.chain_at(frame.end())? {
+            return Ok(Bounds::Lost(Search::doubting(frame)));
+        }
+        if !self.is_ours(frame) && (frame.length <= SMALL || frame.length > longest) {
+            let body = self.horizon.body(frame, REACH)?;
+            if let Some(swallowed) = swallowed(body) {
+                return Ok(Bounds::Ends(frame.offset + (FRAME + swallowed) as u64));
+            }
+        }
+        Ok(Bounds::Sound)
+    }
+
+    /// What a record's content says about its length, if no more than `most` bytes of it tell.
+    pub(super) fn measured(&self, frame: Frame, most: u64) -> Result<Measure, Stop> {
+        let left = self.horizon.extent().length.saturating_sub(frame.offset + FRAME as u64);
+        let most = most.min(REACH);
+        // In a recording that grows, what is not there yet may still come.
+        let most = if self.horizon.extent().finished { most.min(left) } else { most };
+        let mut seen = most.min(64);
+        loop {
+            let body = self.horizon.peek(FRAME + seen as usize)?.get(FRAME..).unwrap_or_default();
+            match measure(frame.opcode, body) {
+                Measure::Needs(needed) if needed <= most => seen = needed,
+                measured => return Ok(measured),
+            }
+        }
+    }
+
+    /// Whether a record begins there, or the recording ends. What is too far away to look at is taken for none.
+    pub(super) fn begins_at(&self, offset: u64) -> Result<bool, Stop> {
+        Ok(self.look(offset)?.is_some_and(begins))
+    }
+
+    /// Whether a record begins there, and behind it another one, or the recording ends. A shifted look at a record's head
+    /// may pass for one, but not for two; unless it begins in the head of a chunk, where the length of what is compressed
+    /// leads to the chunk's end, behind the last letter of how: so the first must not have an opcode that nobody has.
+    pub(super) fn chain_at(&self, offset: u64) -> Result<bool, Stop> {
+        let first = self.look(offset)?;
+        let Some((opcode, length)) = first.and_then(head) else { return Ok(first.is_some_and(<[u8]>::is_empty)) };
+        if !fits(opcode, length) || length > REACH || matches!(opcode, 0x10..0x80) {
+            return Ok(false);
+        }
+        let second = self.look(end(offset, length))?;
+        if opcode == op::FOOTER {
+            return Ok(second == Some(MAGIC));
+        }
+        Ok(second.is_some_and(begins))
+    }
+
+    /// The same, but the end of the recording may have cut the next record off.
+    pub(super) fn goes_on_at(&self, offset: u64) -> Result<bool, Stop> {
+        Ok(self.chain_at(offset)? || self.is_cut_off_at(offset)?)
+    }
+
+    /// Whether a record begins there that runs past the end of the recording, and whose content says the same, if that is
+    /// still there.
+    fn is_cut_off_at(&self, offset: u64) -> Result<bool, Stop> {
+        let extent = self.horizon.extent();
+        if !extent.finished {
+            return Ok(false);
+        }
+        let Some(seen) = self.look_at(offset, 64)? else { return Ok(false) };
+        let Some((opcode, length)) = head(seen) else { return Ok(!seen.is_empty() && begins(seen)) };
+        let body = seen.get(FRAME..).unwrap_or_default();
+        let agrees = match measure(opcode, body) {
+            Measure::Says(measured) => measured <= length && length - measured <= SPARE,
+            Measure::Needs(_) => true,
+            Measure::Silent => false,
+        };
+        Ok(agrees && fits(opcode, length) && end(offset, length) > extent.length)
+    }
+
+    /// The first bytes of what may be a record there; fewer at the end of the recording.
+    pub(super) fn look(&self, offset: u64) -> Result<Option<&[u8]>, Stop> {
+        self.look_at(offset, FRAME)
+    }
+
+    fn look_at(&self, offset: u64, most: usize) -> Result<Option<&[u8]>, Stop> {
+        let extent = self.horizon.extent();
+        let ahead = offset.saturating_sub(self.horizon.offset());
+        if ahead > 2 * REACH || (extent.finished && offset > extent.length) {
+            return Ok(None);
+        }
+        let left = if extent.finished { extent.length - offset } else { u64::MAX };
+        let until = ahead + left.min(most as u64);
+        Ok(self.horizon.peek(until as usize)?.get(ahead as usize..))
+    }
+}
+
+/// Where whole records begin that fill the rest of a message's body to its very end.
+fn swallowed(body: &[u8]) -> Option<usize> {
+    // Walks from one place lead over those that walks from others led over, so that there is work to be bounded.
+    let mut steps = body.len() / 8;
+    let next = |at: usize| {
+        let (_, length) =
+            head(body.get(at..)?).filter(|&(opcode, length)| is_defined(opcode) && fits(opcode, length))?;
+        usize::try_from(end(at as u64, length)).ok().filter(|&end| end <= body.len())
+    };
+    let fills = |start: usize| {
+        let mut at = start;
+        while at < body.len() {
+            steps = steps.checked_sub(1)?;
+            at = next(at)?;
+        }
+        Some(start)
+    };
+    // Behind the fields that every message has.
+    (22..body.len()).filter_map(fills).next()
+}

@@ -1,0 +1,46 @@
+//! Attachments, as they are read.
+
+use crc32fast::Hasher;
+
+use super::attachments::Attaching;
+use super::search::HEAD;
+use super::{Scan, Stage};
+use crate::record::horizon::{Frame, Stop};
+use crate::record::records::AttachmentIndex;
+use crate::record::wire::{FRAME, Fields};
+
+impl Scan {
+    pub(super) fn attachment_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        let head = self.horizon.body(frame, HEAD)?;
+        let mut fields = Fields(head);
+        let index = AttachmentIndex::parse_attachment(&mut fields, frame.offset, frame.end() - frame.offset);
+        let size = head.len() - fields.0.len();
+        let room = frame.length.checked_sub(size as u64 + 4);
+        match index.filter(|index| room.is_some_and(|room| index.data_size <= room)) {
+            Some(index) => {
+                let mut crc = Hasher::new();
+                crc.update(head.get(..size).unwrap_or_default());
+                self.consume((FRAME + size) as u64);
+                let left = index.data_size;
+                self.stage = Stage::Attaching(Attaching { frame, index, crc, left });
+            }
+            None => {
+                self.reject(frame, "a malformed attachment record");
+                self.pass(frame);
+            }
+        }
+        Ok(())
+    }
+
+    /// All of an attachment has been seen.
+    pub(super) fn attached(&mut self) {
+        let Stage::Attaching(Attaching { frame, index, crc, .. }) = std::mem::take(&mut self.stage) else { return };
+        let stored = Fields(self.horizon.buffered()).u32().unwrap_or_default();
+        if stored == 0 || stored == crc.finalize() {
+            self.inventory.summary.attachments.push(index);
+        } else {
+            self.reject(frame, format!("attachment `{}`: its CRC does not hold", index.name));
+        }
+        self.pass(frame);
+    }
+}

@@ -1,0 +1,140 @@
+//! The records behind DataEnd, as they are read, and the end of the recording.
+
+use mcap::MAGIC;
+
+use super::summary_section::SummarySection;
+use super::{Scan, Stage, Step};
+use crate::record::chunk::LIMIT;
+use crate::record::horizon::{Frame, Stop};
+use crate::record::inventory::{DEFINITIONS, Learned};
+use crate::record::wire::{FRAME, Fields, op};
+use crate::record::{Channel, Schema};
+
+impl Scan {
+    pub(super) fn summary_record(&mut self, frame: Frame) -> Result<(), Stop> {
+        if frame.length > LIMIT {
+            self.end(format!("a record of {} bytes in the summary", frame.length));
+            return Ok(());
+        }
+        let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
+        self.summary.kept += if is_kept { frame.length + 256 } else { 0 };
+        if self.summary.kept > 2 * DEFINITIONS {
+            self.end(format!("a summary with more than {} bytes of definitions: it is not used", 2 * DEFINITIONS));
+            return Ok(());
+        }
+        let whole = self.horizon.peek(FRAME + frame.length as usize)?;
+        let body = whole.get(FRAME..).unwrap_or_default();
+        if frame.opcode == op::FOOTER {
+            // The CRC covers the footer up to the CRC itself.
+            self.summary.crc.update(whole.get(..FRAME + 16).unwrap_or_default());
+            let stored = Fields(body.get(16..).unwrap_or_default()).u32();
+            self.footer(frame, stored);
+            return Ok(());
+        }
+        self.summary.crc.update(whole);
+        let well_formed = match frame.opcode {
+            op::SCHEMA => Schema::parse(body).map(|schema| self.summary.schemas.push(schema)).is_some(),
+            op::CHANNEL => Channel::parse(body).map(|channel| self.summary.channels.push(channel)).is_some(),
+            op::HEADER..=op::DATA_END => true,
+            opcode => {
+                self.summary.private.push((opcode, whole.to_vec()));
+                true
+            }
+        };
+        if !well_formed {
+            self.reject(frame, "a malformed record in the summary");
+        }
+        self.pass(frame);
+        Ok(())
+    }
+
+    fn footer(&mut self, frame: Frame, stored: Option<u32>) {
+        let computed = self.summary.crc.clone().finalize();
+        match stored {
+            None => self.reject(frame, "a malformed footer"),
+            Some(stored) if stored != 0 && stored != computed => {
+                self.damage(frame.offset, 0, "the summary's CRC does not hold: what only the summary says is not used");
+                self.summary = SummarySection { begun: true, ..SummarySection::default() };
+            }
+            Some(_) => {}
+        }
+        self.accept_summary();
+        self.pass(frame);
+        self.stage = Stage::EndMagic;
+    }
+
+    /// Learns what only the summary says.
+    pub(super) fn accept_summary(&mut self) {
+        let SummarySection { schemas, channels, private, .. } = std::mem::take(&mut self.summary);
+        self.summary.begun = true;
+        let offset = self.horizon.offset();
+        for what in self.learn_from_summary(schemas, channels) {
+            self.damage(offset, 0, format!("the summary contradicts the data on {what}"));
+        }
+        for (opcode, record) in private {
+            self.inventory.summary.private.entry(opcode).or_default().extend(record);
+        }
+    }
+
+    /// Learns schemas and channels that only the summary knows. Those on which it contradicts the data are returned.
+    pub(super) fn learn_from_summary(&mut self, schemas: Vec<Schema>, channels: Vec<Channel>) -> Vec<String> {
+        let mut contradictions = Vec::new();
+        for schema in schemas {
+            let id = schema.id;
+            match self.inventory.learn_schema(schema) {
+                Learned::New => {
+                    self.inventory.summary_only.schemas.push(id);
+                    self.queue.push_back(Step::Schema(id));
+                }
+                Learned::Known => {}
+                Learned::Contradicted => contradictions.push(format!("schema {id}")),
+            }
+        }
+        for channel in channels {
+            let id = channel.id;
+            match self.inventory.learn_channel(channel) {
+                Learned::New => {
+                    self.inventory.summary_only.channels.push(id);
+                    self.queue.push_back(Step::Channel(id));
+                }
+                Learned::Known => {}
+                Learned::Contradicted => contradictions.push(format!("channel {id}")),
+            }
+        }
+        contradictions
+    }
+
+    /// Bytes behind the closing magic, which no reader looks at.
+    fn behind_the_end(&mut self) -> Result<(), Stop> {
+        let end = self.horizon.offset() + MAGIC.len() as u64;
+        let left = self.horizon.extent().length.saturating_sub(end);
+        if left == 0 {
+            return Ok(());
+        }
+        let seen = left.min(MAGIC.len() as u64) as usize;
+        let what = match self.horizon.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+            Some(MAGIC) => format!(
+                "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
+                 annotate both",
+                end + 1
+            ),
+            _ => format!("{left} bytes behind the end of the recording, which are not read"),
+        };
+        self.damage(end, left, what);
+        Ok(())
+    }
+
+    pub(super) fn end_magic(&mut self) -> Result<(), Stop> {
+        match self.horizon.peek(MAGIC.len()) {
+            Ok(found) if found == MAGIC => {
+                self.behind_the_end()?;
+                self.inventory.finished = true;
+                self.queue.push_back(Step::End);
+                self.stage = Stage::Done;
+            }
+            Err(stop @ (Stop::Read { .. } | Stop::Wait)) => return Err(stop),
+            Ok(_) | Err(_) => self.end("the closing magic is missing behind the footer"),
+        }
+        Ok(())
+    }
+}

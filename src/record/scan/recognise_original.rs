@@ -1,0 +1,121 @@
+//! An annotated recording recognised by its end, and the original in it scanned as if it stood alone.
+
+use super::original::{Ours, Recognising};
+use super::{Scan, Stage};
+use crate::record::horizon::{Extent, Frame, Stop};
+use crate::record::wire::op;
+
+impl Scan {
+    /// Looks whether we annotated the recording, which its end tells, and comes back here.
+    pub(super) fn look_at_end(&mut self) {
+        self.recognised = self.horizon.extent().finished;
+        let back = self.horizon.offset();
+        self.stage = match self.ours {
+            Some(_) => Stage::Record,
+            None => Stage::Recognising(Box::new(Recognising { back, ..Recognising::default() })),
+        };
+    }
+
+    pub(super) fn recognise(&mut self) -> Result<(), Stop> {
+        let Stage::Recognising(mut recognising) = std::mem::take(&mut self.stage) else { return Ok(()) };
+        let back = recognising.back;
+        let ours = match recognising.read(&mut self.horizon) {
+            Err(stop @ Stop::Read { .. }) => {
+                self.stage = Stage::Recognising(recognising);
+                return Err(stop);
+            }
+            ours => ours.unwrap_or_default(),
+        };
+        self.horizon.jump(back);
+        self.stage = Stage::Record;
+        self.ours = ours.filter(|ours| back <= ours.prefix);
+        if let Some(ours) = &self.ours {
+            self.horizon.set_extent(Extent { length: ours.original(), finished: true });
+        }
+        Ok(())
+    }
+
+    /// Whether an original is being scanned in a file of this length. One that grows was no annotated recording.
+    pub(super) fn is_still(&mut self, length: u64) -> bool {
+        let Some(ours) = self.within().cloned() else { return false };
+        if ours.extent.length != length {
+            self.horizon.jump(self.horizon.offset().min(ours.prefix));
+            self.horizon.set_extent(ours.extent);
+            self.ours = None;
+        }
+        ours.extent.length == length
+    }
+
+    /// The file will not grow any more.
+    pub(super) fn finish_ours(&mut self) {
+        self.ours.iter_mut().for_each(|ours| ours.extent.finished = true);
+    }
+
+    /// The original that is being scanned, if it stands inside an annotated recording.
+    fn within(&self) -> Option<&Ours> {
+        self.ours.as_ref().filter(|ours| ours.within)
+    }
+
+    /// Where a byte of what is being scanned stands in the file.
+    pub(super) fn place(&self, offset: u64) -> u64 {
+        match self.within() {
+            Some(ours) if offset >= ours.prefix => offset - ours.prefix + ours.tail.start,
+            _ => offset,
+        }
+    }
+
+    /// How many bytes from there on stand in one piece.
+    pub(super) fn room(&self, offset: u64) -> u64 {
+        match self.within() {
+            Some(ours) if offset < ours.prefix => ours.prefix - offset,
+            Some(ours) => ours.original().saturating_sub(offset),
+            None => u64::MAX,
+        }
+    }
+
+    /// Whether the offsets in a record are those in the file.
+    pub(super) fn stands_in_place(&self, frame: Frame) -> bool {
+        self.within().is_none_or(|ours| frame.end() <= ours.prefix)
+    }
+
+    /// Whether we wrote a record behind the original.
+    pub(super) fn is_ours(&self, frame: Frame) -> bool {
+        self.ours.as_ref().is_some_and(|ours| !ours.within && frame.offset >= ours.prefix)
+    }
+
+    /// All that is whole in the original has been told: goes on with what stands behind its prefix.
+    pub(super) fn leaves_original(&mut self) -> bool {
+        let Some(ours) = self.within().filter(|ours| self.horizon.offset() >= ours.whole).cloned() else {
+            return false;
+        };
+        let in_one_piece = ours.whole == ours.prefix;
+        if !in_one_piece && self.close_chunk(None) {
+            return true;
+        }
+        self.horizon.set_extent(ours.extent);
+        self.horizon.jump(ours.prefix);
+        (self.guide, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
+        self.inventory.prefix = ours.prefix;
+        if !in_one_piece {
+            // For whoever takes the file for an original, nothing is lost, and the records are where they are kept.
+            self.data_crc.update(None);
+            self.inventory.lost.clear();
+            let further = ours.tail.start - ours.prefix;
+            self.inventory.summary.relocate(|offset| if offset < ours.prefix { offset } else { offset + further });
+        }
+        self.ours = Some(Ours { within: false, ..ours });
+        true
+    }
+
+    /// Passes over a record that was told where it is kept; what it defines counts here, too.
+    pub(super) fn pass_told(&mut self, frame: Frame) -> bool {
+        let told = self.ours.as_ref().filter(|ours| !ours.within && ours.recovered.contains(&frame.offset));
+        let Some(end) = told.map(|ours| ours.recovered.end) else { return false };
+        if matches!(frame.opcode, op::SCHEMA | op::CHANNEL) && frame.end() <= end {
+            return false;
+        }
+        self.horizon.seek(frame.end().min(end));
+        self.inventory.prefix = self.horizon.offset();
+        true
+    }
+}

@@ -1,0 +1,30 @@
+//! A scan taken up where another one stood.
+
+use super::data_crc::DataCrc;
+use super::position::Position;
+use super::{Scan, Stage};
+
+impl Scan {
+    /// A scan of a recording that may grow, from where another one stood. Its length is 0 as with [`Scan::new`].
+    pub fn resume(position: Position) -> Self {
+        let Position { offset, inventory, indexes, sync, data_crc } = position;
+        let (stage, data_crc) = (Stage::Record, DataCrc::resume(data_crc));
+        let mut scan = Self { inventory, indexes, sync, stage, data_crc, ..Self::default() };
+        scan.horizon.skip(offset);
+        scan
+    }
+
+    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun. An annotated
+    /// recording does not grow, so that there is nothing to take up.
+    pub fn position(&self) -> Option<Position> {
+        let at_a_record = matches!(self.stage, Stage::Record) && self.queue.is_empty();
+        let between = at_a_record && !self.summary.begun && self.ours.is_none();
+        between.then(|| Position {
+            offset: self.horizon.offset(),
+            inventory: self.inventory.clone(),
+            indexes: self.indexes.clone(),
+            sync: self.sync.clone(),
+            data_crc: self.data_crc.value(),
+        })
+    }
+}

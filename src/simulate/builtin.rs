@@ -1,0 +1,9 @@
+//! The scenarios that come with the program.
+
+/// The built-in scenarios: name and TOML text, to be printed and edited.
+pub const BUILTIN: [(&str, &str); 4] = [
+    ("demo", include_str!("scenarios/demo.toml")),
+    ("thesis-sequence-1", include_str!("scenarios/thesis-sequence-1.toml")),
+    ("thesis-sequence-3", include_str!("scenarios/thesis-sequence-3.toml")),
+    ("rate-table", include_str!("scenarios/rate-table.toml")),
+];
