@@ -81,7 +81,7 @@ pub(super) struct Asking {
 impl Asking {
     pub(super) fn new(back: u64) -> Self {
         let (guide, schemas, channels) = Default::default();
-        Self { back, footer: None, start: 0, crc: Hasher::new(), guide, kept: 0, schemas, channels }
+        Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels }
     }
 
     /// Reads on; whether all of the section is in order.

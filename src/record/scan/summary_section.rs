@@ -10,7 +10,7 @@ pub(super) struct SummarySection {
     /// Whether DataEnd has been passed.
     pub(super) begun: bool,
     /// What the records below take, in bytes.
-    kept: u64,
+    pub(super) kept: u64,
     pub(super) crc: Hasher,
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
