@@ -138,9 +138,12 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
         Some(Err(why)) => return Triad { notes: vec![why.to_string()], ..named },
         None => return named,
     };
+    // It follows the primary, and so does what a wrong placement could hide there.
+    let gravity = solution.gravity.value;
+    let hidden = solution.accelerometer.as_ref().map_or(0.0, |primary| primary.hidden_error(gravity));
     Triad {
         status: status::message(status::secondary(solution, fit)).into(),
-        worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
+        worst_case_error: Some(fit.worst_case_error(gravity) + hidden),
         notes: held_back(fit),
         ..estimated(named, fit)
     }

@@ -39,8 +39,9 @@ fn an_output_that_exists_is_not_touched() {
     folder.refuses("annotate demo.mcap -o no/such/out.mcap", 1, &["no/such/out.mcap: cannot write: no such"]);
     assert_eq!(folder.read("out.mcap"), b"precious");
     folder.say("annotate demo.mcap -o out.mcap --force").ok();
-    folder.say("strip out.mcap -o out.mcap --force").ok();
-    assert_eq!(folder.read("out.mcap"), folder.read("demo.mcap"));
+    folder.refuses("strip out.mcap -o out.mcap --force", 1, &["out.mcap: is itself read by this command"]);
+    folder.say("strip out.mcap -o back.mcap").ok();
+    assert_eq!(folder.read("back.mcap"), folder.read("demo.mcap"));
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn a_sensor_within_its_datasheet_is_calibrated_as_without_a_preset() {
 fn a_sensor_outside_its_datasheet_is_held_back_and_that_is_said() {
     // 0.26 m/s² is what an LSM6DSO may have.
     let events = learn(&six_faces(truth([0.4, -0.5, 0.7])), Config::default().of(Preset::named("lsm6dso").unwrap()));
-    let (_, said) = outcome(&events, "held back by its bound");
+    let (_, said) = outcome(&events, "beyond its bounds");
     assert!(said, "{events:#?}");
 }
 

@@ -33,8 +33,8 @@ def main(stillpoint, recordings):
     nilspod = recordings / "nilspod_six_face.ros2.mcap"
     magnitude(Run(stillpoint, nilspod, ["fit.model=bias-scale"]), triangular=False)
     magnitude(Run(stillpoint, nilspod, ["fit.model=bias-scale", "fit.bounds.accel_scale=[1.0, 1.25]"]), triangular=False)
-    magnitude(Run(stillpoint, recordings / "xsens_38_poses.ros2.mcap", ["fit.gravity=9.81744"]), triangular=True)
-    magnitude(Run(stillpoint, recordings / "mpu9150_0_19_poses.ros2.mcap", []), triangular=True)
+    magnitude(Run(stillpoint, recordings / "xsens_38_poses.ros2.mcap", ["fit.gravity=9.81744", "fit.model=triangular"]), triangular=True)
+    magnitude(Run(stillpoint, recordings / "mpu9150_0_19_poses.ros2.mcap", ["fit.model=triangular"]), triangular=True)
     fixture(Run(stillpoint, nilspod, ["fit.model=bias-scale", "fit.estimator=fixture"]))
     fixture(Run(stillpoint, nilspod, ["fit.model=bias-scale", "fit.estimator=fixture", "fit.bounds.accel_bias=[-0.6, 0.6]"]))
     run = Run(stillpoint, nilspod, ["fit.model=bias-scale", HIGHG])

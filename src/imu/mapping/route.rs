@@ -181,7 +181,8 @@ impl Route {
         if seconds == 0.0 {
             return Err(Cause::NoTime);
         }
-        let value = (Vector3::new(x, y, z) + self.added(tap)) * (tap.factor / seconds);
+        let read = Vector3::new(x, y, z);
+        let value = self.added(tap).map_or(read, |added| read + added) * (tap.factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
@@ -196,7 +197,8 @@ impl Route {
         for tap in &self.taps {
             let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
             let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
-            let own = value / (tap.factor / seconds) - self.added(tap);
+            let own = value / (tap.factor / seconds);
+            let own = self.added(tap).map_or(own, |added| own - added);
             changes.extend(own.iter().enumerate().map(|(axis, &value)| (tap.at + axis, value)));
         }
         match changes.is_empty() || !changes.iter().all(|(_, value)| value.is_finite()) {
@@ -205,10 +207,10 @@ impl Route {
         }
     }
 
-    /// What is added to the reading of a tap, in its unit.
-    fn added(&self, tap: &Tap) -> Vector3<f64> {
-        let plus = tap.plus.and_then(|at| self.numbers.get(at..)?.first_chunk());
-        plus.map_or_else(Vector3::zeros, |&[x, y, z]| Vector3::new(x, y, z))
+    /// What is added to the reading of a tap, in its unit, if anything is: a zero would take the sign of another.
+    fn added(&self, tap: &Tap) -> Option<Vector3<f64>> {
+        let [x, y, z] = tap.plus.and_then(|at| self.numbers.get(at..)?.first_chunk())?;
+        Some(Vector3::new(*x, *y, *z))
     }
 
     /// Whether the last message says that the reading of a tap is clipped.
