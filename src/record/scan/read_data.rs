@@ -38,6 +38,9 @@ impl Scan {
             op::HEADER => self.header_record(frame)?,
             op::MESSAGE_INDEX => self.message_index_record(frame)?,
             op::METADATA => self.metadata_record(frame)?,
+            op::DATA_END if !self.is_end_of_data(frame)? => {
+                self.reject(frame, "an end of the data, behind which the data goes on");
+            }
             op::DATA_END => {
                 let stored = Fields(self.horizon.body(frame, 4)?).u32().unwrap_or_default();
                 self.check_data_crc(frame, stored);

@@ -5,10 +5,10 @@ use super::bounds::REACH;
 use super::search::{HEAD, Search};
 use super::{Scan, Stage, Step};
 use crate::record::chunk::{LIMIT, knows};
-use crate::record::horizon::Stop;
+use crate::record::horizon::{Frame, Stop};
 use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
 use crate::record::shape::{Measure, SPARE, end, fits, head};
-use crate::record::wire::{FRAME, Fields, op};
+use crate::record::wire::{DATA_END, FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 
 impl Scan {
@@ -209,6 +209,15 @@ impl Scan {
             self.sync.doubted += looked_at;
         }
         Ok(credible)
+    }
+
+    /// Whether a DataEnd is one: longer than it need be, it may be a message whose opcode is wrong, and then data follows.
+    pub(super) fn is_end_of_data(&self, frame: Frame) -> Result<bool, Stop> {
+        if frame.length == DATA_END - FRAME as u64 {
+            return Ok(true);
+        }
+        let behind = self.look(frame.end())?.and_then(|bytes| bytes.first().copied());
+        Ok(behind.is_none_or(may_follow_data))
     }
 }
 
