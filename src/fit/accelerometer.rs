@@ -43,7 +43,7 @@ pub struct Assumptions<'a> {
     pub estimator: Estimator,
     /// The length of gravity.
     pub gravity: Gravity,
-    /// PlacementScatter of specific force from placement to placement, while repeats do not show it, m/s².
+    /// Scatter of specific force from placement to placement, while repeats do not show it, m/s².
     pub placement_std: f64,
     /// How equations that are left over count.
     pub loss: Loss,

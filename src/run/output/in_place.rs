@@ -92,7 +92,7 @@ pub(crate) fn open(path: &Path, access: Access) -> Result<File, Error> {
 ///
 /// # Errors
 ///
-/// As [`open`] for [`Access::Change`].
+/// As `open` for [`Access::Change`].
 pub fn take_back(path: &Path) -> Result<bool, Error> {
     repair(&lock(path)?, path)
 }
