@@ -2,7 +2,7 @@
 //! tests, and the public Python ones through `tests/interop/annotations.py`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ use stillpoint::engine::{Event, Message};
 use stillpoint::messages::{Calibration, Coverage, Noise, Segment, Stillness, Triad, Turn, Vector3, foxglove};
 use stillpoint::record::{Annotation, Block, Topic};
 
-use crate::common::needs::python;
+use crate::common::needs::{python, root};
 use crate::reader::{Schema, Value};
 use crate::{arbitrary, expected, session};
 
@@ -261,7 +261,7 @@ fn other_programs_read_what_was_written() {
         write(&path, encoding, &session::events());
         path
     });
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/interop/annotations.py");
+    let script = root().join("tests/interop/annotations.py");
     let run = Command::new(python).arg(script).args([ros2, protobuf]).output().unwrap();
     let said = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
     assert!(run.status.success(), "{said}");

@@ -1,10 +1,10 @@
 //! The ROS 2 interface package `schemas/stillpoint_msgs` holds the very definitions that recordings carry.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use stillpoint::annotate::Encoding;
 
+use crate::common::needs::root;
 use crate::messages::{alone, one_of_each};
 use crate::schemas::expect_generated;
 
@@ -81,7 +81,7 @@ ament_package()
 
 #[test]
 fn the_interface_package_holds_the_definitions_of_recordings() {
-    let package = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("schemas/stillpoint_msgs");
+    let package = root().join("schemas/stillpoint_msgs");
     let definitions = definitions();
     for (name, text) in &definitions {
         expect_generated(&package.join(format!("msg/{name}.msg")), text.as_bytes());

@@ -3,14 +3,12 @@
 //! `STILLPOINT_UPDATE=1 cargo test --test annotate` writes them anew after the schema was edited.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use prost::Message as _;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 
-fn root() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-}
+use crate::common::needs::root;
 
 /// Fails if `path` does not hold `fresh`, or writes it when asked to.
 pub fn expect_generated(path: &Path, fresh: &[u8]) {

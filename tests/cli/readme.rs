@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::process::Command;
 
+use crate::common::needs::root;
 use crate::common::{Folder, finish};
 
 /// Commands that build the program or run this very test, as a reader types them; `.ci/run` runs the second.
 const BUILDING: [&str; 2] = ["cargo install --locked --path .", "cargo test"];
 
 fn readme() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap()
+    std::fs::read_to_string(root().join("README.md")).unwrap()
 }
 
 /// The fenced blocks of a language.
@@ -23,7 +24,7 @@ fn every_command_works_in_the_order_of_the_text() {
     let text = readme();
     let folder = Folder::new();
     std::fs::create_dir(folder.path().join("testdata")).unwrap();
-    for file in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata")).unwrap() {
+    for file in std::fs::read_dir(root().join("testdata")).unwrap() {
         let file = file.unwrap();
         std::fs::copy(file.path(), folder.path().join("testdata").join(file.file_name())).unwrap();
     }

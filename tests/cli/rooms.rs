@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use crate::common::needs::root;
+
 /// The layers, each of which may import those in front of it. `bin` is the program around the library.
 const LAYERS: [&[&str]; 17] = [
     &["printable", "stamp", "topic"],
@@ -40,7 +42,7 @@ struct House {
 impl House {
     fn read() -> Self {
         let mut files = BTreeMap::new();
-        collect(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut Vec::new(), &mut files);
+        collect(&root().join("src"), &mut Vec::new(), &mut files);
         let mut house = Self { files, exports: BTreeMap::new() };
         for (name, text) in &house.files {
             let mut exports = BTreeMap::new();

@@ -5,10 +5,15 @@
 
 use std::fmt::Display;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
+
+/// The repository whose tests run. Asked for when they run, since one folder of built tests may serve several clones.
+pub fn root() -> PathBuf {
+    std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from("."), PathBuf::from)
+}
 
 /// What was found, or a printed skip; in CI it must be there.
 pub fn needed<T>(found: Option<T>, missing: impl Display) -> Option<T> {
@@ -24,7 +29,7 @@ pub fn needed<T>(found: Option<T>, missing: impl Display) -> Option<T> {
 
 /// An input that failed once, `STILLPOINT_CASES` or `../shared/cases`.
 pub fn case(name: &str) -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cases");
+    let default = root().join("../shared/cases");
     let path = std::env::var_os("STILLPOINT_CASES").map_or(default, PathBuf::from).join(name);
     needed(path.exists().then_some(&path), format_args!("{} is not there", path.display())).cloned()
 }
@@ -37,7 +42,7 @@ pub fn data(name: &str) -> Option<PathBuf> {
 
 /// Where that is, if it is there.
 pub fn data_path(name: &str) -> PathBuf {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let default = root().join("../shared/data");
     std::env::var_os("STILLPOINT_DATA").map_or(default, PathBuf::from).join(name)
 }
 

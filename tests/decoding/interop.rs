@@ -8,7 +8,7 @@ use proptest::strategy::{Strategy as _, ValueTree as _};
 use proptest::test_runner::{Config, TestRunner};
 use stillpoint::imu::{Decoder, Layout};
 
-use crate::needs::python;
+use crate::needs::{python, root};
 
 use super::cdr::{Encoder, Language, Wire, described, fields, languages, wires};
 
@@ -46,7 +46,7 @@ fn decoders_that_are_not_ours_read_the_same_numbers() {
     }
     writer.finish().unwrap();
     std::fs::write(&numbers, serde_json::to_vec(&expected).unwrap()).unwrap();
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/decoders.py");
+    let script = root().join("tests/interop/decoders.py");
     let run = Command::new(python).arg(script).arg(&recording).arg(&numbers).output().unwrap();
     assert!(run.status.success(), "{}{}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
     eprintln!("{}", String::from_utf8_lossy(&run.stdout));

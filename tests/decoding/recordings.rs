@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::imu::{Intake, Reading, Sample, Sensor};
 use stillpoint::record;
 
-use crate::needs::data;
+use crate::needs::{data, root};
 
 fn channel(channel: &mcap::Channel<'_>) -> (record::Channel, Option<record::Schema>) {
     let schema = channel.schema.as_ref().map(|schema| record::Schema {
@@ -88,7 +88,7 @@ fn every_message_decodes_to_the_numbers_of_independent_readers() {
             writeln!(found, "{file} {topic} {count} {:08x}", crc.finalize()).unwrap();
         }
     }
-    let expected = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/decode_recordings.expected");
+    let expected = root().join("tests/interop/decode_recordings.expected");
     assert_eq!(found, std::fs::read_to_string(expected).unwrap());
 }
 

@@ -2,12 +2,13 @@
 //!
 //! `STILLPOINT_UPDATE=1 cargo test --test simulate testdata` records it anew after the scenario was edited.
 
-use std::path::Path;
 
 use stillpoint::simulate::{Scenario, Truth, record};
 
+use crate::needs::root;
+
 fn testdata(name: &str, fresh: &[u8]) -> Vec<u8> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
+    let path = root().join("testdata").join(name);
     if std::env::var_os("STILLPOINT_UPDATE").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(&path, fresh).unwrap();
