@@ -1,12 +1,12 @@
 //! What the user typed. What it means is left to the [`commands`](crate::commands).
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use stillpoint::report::{Axes, Format};
+use stillpoint::report::{Axes, Format, RandomWalk};
 
 /// Learns the calibration of an IMU from the moments when it rests in an MCAP recording, and writes it back.
 #[derive(Debug, Parser)]
@@ -80,18 +80,24 @@ pub struct Against {
     /// live is corrected by it until there is a new one
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
-    /// Which way the axes of the recording point, if --against is an autopilot's
-    #[arg(long, requires = "against", value_parser = one_of(Axes::ALL))]
+    #[command(flatten)]
+    pub pointing: Pointing,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Pointing {
+    /// Which way the axes of the recording point, for parameters of an autopilot, which has its own
+    #[arg(long, value_parser = one_of(Axes::ALL.iter().copied()))]
     pub axes: Option<Axes>,
 }
 
 #[derive(Debug, Args)]
 pub struct Annotate {
     /// The recordings: files, or rosbag2 folders, each of which is one
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_name = "INPUT", value_parser = on_disk())]
     pub inputs: Vec<PathBuf>,
     /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
-    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir")]
+    #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir", value_parser = on_disk())]
     pub output: Option<PathBuf>,
     /// Folder to write into, under the default names; it is made if it is not there
     #[arg(long, value_name = "DIR")]
@@ -132,9 +138,10 @@ pub struct Annotate {
 #[derive(Debug, Args)]
 pub struct Tail {
     /// The recording, a file or a rosbag2 folder; it may not be there yet
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
     /// Where to write [default: INPUT's name with .annotated.mcap]. Until then, its name with .stillpoint.mcap grows
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "OUT", value_parser = on_disk())]
     pub output: Option<PathBuf>,
     /// A recording that does not grow for so long was given up by its recorder [default: 60s]. When given, one that
     /// does not begin for so long is an error
@@ -145,7 +152,7 @@ pub struct Tail {
     pub poll: Duration,
     /// Show it to Foxglove and Lichtblick as it comes; without an address, on this machine alone
     #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     pub live: Option<SocketAddr>,
     /// Keep the annotations as a file of their own beside the annotated recording
     #[arg(long)]
@@ -180,11 +187,11 @@ pub struct Watch {
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
     /// Serve /healthz, /readyz and Prometheus /metrics here; without an address, on this machine alone
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464", value_parser = address)]
     pub metrics: Option<SocketAddr>,
     /// Show growing recordings to Foxglove and Lichtblick as they come; without an address, on this machine alone
     #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
     pub live: Option<SocketAddr>,
     /// How often to look through the directory
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "1s")]
@@ -218,14 +225,38 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|&number| number > 0).ok_or_else(|| "expected a number from 1 on".to_owned())
 }
 
-/// A choice among these: value, name, and what is said of it.
+/// A choice among values, each with its name and what is said of it.
 fn one_of<T: Copy + Send + Sync + 'static>(
-    all: &'static [(T, &'static str, &'static str)],
+    all: impl IntoIterator<Item = (T, &'static str, &'static str)>,
 ) -> impl TypedValueParser<Value = T> {
-    let names = all.iter().map(|&(_, name, help)| PossibleValue::new(name).help(help));
+    let all: Vec<_> = all.into_iter().collect();
+    let names = all.iter().map(|&(_, name, help)| PossibleValue::new(name).help(help)).collect::<Vec<_>>();
     PossibleValuesParser::new(names).try_map(move |typed| {
         let chosen = all.iter().find(|(_, name, _)| *name == typed);
         chosen.map(|&(value, ..)| value).ok_or("no such choice")
+    })
+}
+
+/// Where to listen: `HOST:PORT`, or a port alone on this machine.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    if let Ok(port) = text.parse() {
+        return Ok((Ipv4Addr::LOCALHOST, port).into());
+    }
+    let found: Vec<_> = text.to_socket_addrs().into_iter().flatten().collect();
+    let found = found.iter().find(|address| address.is_ipv4()).or(found.first());
+    found.copied().ok_or_else(|| {
+        "expected HOST:PORT, such as 127.0.0.1:9464, or a port alone; what else the command takes stands before the option"
+            .to_owned()
+    })
+}
+
+/// A recording, which is no pipe.
+fn on_disk() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path: PathBuf| match path.as_os_str() == "-" {
+        true => {
+            Err("recordings are read and written as files, not through pipes; name a file (./- is one of this name)")
+        }
+        false => Ok(path),
     })
 }
 
@@ -247,6 +278,7 @@ fn duration(text: &str) -> Result<Duration, String> {
 #[derive(Debug, Args)]
 pub struct Topics {
     /// The recording
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
     /// Exit with 0 when the recording was damaged or never finished
     #[arg(long)]
@@ -258,6 +290,7 @@ pub struct Topics {
 #[derive(Debug, Args)]
 pub struct Report {
     /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
     /// Exit with 0 when the recording was damaged or never finished
     #[arg(long)]
@@ -289,12 +322,13 @@ pub struct Man {
 #[derive(Debug, Args)]
 pub struct Export {
     /// An annotated recording or sidecar, whose annotations are read; or a raw recording, which is calibrated first
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
     /// Exit with 0 when the recording was damaged or never finished
     #[arg(long)]
     pub accept_damage: bool,
     /// What to write
-    #[arg(long, value_parser = one_of(Format::ALL))]
+    #[arg(long, value_parser = one_of(Format::ALL.iter().map(|format| (*format, format.name, format.help))))]
     pub format: Format,
     /// Which IMU, where a format holds one and there are several
     #[arg(long, value_name = "NAME")]
@@ -308,17 +342,16 @@ pub struct Export {
     /// The parameters that the autopilot had corrected the recorded readings with, to be composed with
     #[arg(long, value_name = "FILE", conflicts_with = "raw")]
     pub in_force: Option<PathBuf>,
-    /// Which way the axes of the recording point: forward-left-up (ROS) or forward-right-down
-    #[arg(long, value_parser = one_of(Axes::ALL))]
-    pub axes: Option<Axes>,
+    #[command(flatten)]
+    pub pointing: Pointing,
     /// Which of the autopilot's sensors
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub slot: u8,
     /// What to write for random walks that the rests do not show: "bound", the most that they can be; or, for kalibr-input,
     /// yours in m/s³/√Hz and rad/s²/√Hz
     #[arg(long, value_name = "bound|ACCEL,GYRO")]
-    pub random_walk: Option<String>,
-    /// Where to write [default: standard output]
+    pub random_walk: Option<RandomWalk>,
+    /// Where to write; - is standard output, as without
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace an output that exists
@@ -335,10 +368,9 @@ pub struct Import {
     /// Topic of the IMU that it is of, if the file does not say
     #[arg(long)]
     pub topic: Option<String>,
-    /// Which way the axes of the recordings point, for parameters of an autopilot
-    #[arg(long, value_parser = one_of(Axes::ALL))]
-    pub axes: Option<Axes>,
-    /// Where to write [default: standard output]
+    #[command(flatten)]
+    pub pointing: Pointing,
+    /// Where to write; - is standard output, as without
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace an output that exists
@@ -349,9 +381,10 @@ pub struct Import {
 #[derive(Debug, Args)]
 pub struct Strip {
     /// The annotated recording
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
     /// Where to write the original
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "OUT", value_parser = on_disk())]
     pub output: PathBuf,
     /// Replace an output that exists
     #[arg(long)]
@@ -364,7 +397,7 @@ pub struct Strip {
 #[derive(Debug, Args)]
 pub struct Repair {
     /// The recordings, each beside the backup that says how it was
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required = true, value_name = "FILE", value_parser = on_disk())]
     pub inputs: Vec<PathBuf>,
 }
 
@@ -374,7 +407,7 @@ pub struct Simulate {
     #[arg(default_value = "demo")]
     pub scenario: String,
     /// Where to write the recording
-    #[arg(short, long, value_name = "OUT", required_unless_present = "show")]
+    #[arg(short, long, value_name = "OUT", required_unless_present = "show", value_parser = on_disk())]
     pub output: Option<PathBuf>,
     /// Print the scenario instead, to be edited
     #[arg(long, conflicts_with = "output")]
@@ -390,8 +423,9 @@ pub struct Simulate {
 #[derive(Debug, Args)]
 pub struct Layout {
     /// The recording, annotated or not yet
+    #[arg(value_parser = on_disk())]
     pub input: PathBuf,
-    /// Where to write [default: standard output]
+    /// Where to write; - is standard output, as without
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace an output that exists

@@ -18,7 +18,7 @@ mod topics;
 mod view;
 mod watch;
 
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -48,6 +48,9 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
     };
     done.unwrap_or_else(|error| Code::of(&error))
 }
+
+/// More is read of no standard input (64 MiB).
+const LONGEST_TEXT: u64 = 64 << 20;
 
 /// How a command ended, from the mildest to the gravest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,6 +94,9 @@ impl From<Code> for ExitCode {
     }
 }
 
+/// Gravity on the surface of the Earth, m/s².
+const ON_EARTH: std::ops::RangeInclusive<f64> = 9.76..=9.84;
+
 /// The effective configuration: the file, and the settings over it.
 fn configuration(typed: &Configuration) -> Result<Config, Error> {
     let mut layers = Vec::new();
@@ -100,10 +106,25 @@ fn configuration(typed: &Configuration) -> Result<Config, Error> {
     for setting in &typed.set {
         layers.push(Layer::set(setting)?);
     }
-    Ok(Config::load(&layers)?)
+    let config = Config::load(&layers)?;
+    if let Some(gravity) = config.fit.gravity.filter(|gravity| !ON_EARTH.contains(gravity)) {
+        tracing::warn!(
+            "fit.gravity = {gravity} m/s² is that of no place on Earth (9.76 to 9.84): every scale is wrong by as much if it is a slip"
+        );
+    }
+    Ok(config)
+}
+
+/// Whether a path stands for standard input or output.
+fn is_pipe(path: &Path) -> bool {
+    path.as_os_str() == "-"
 }
 
 fn layer(path: &Path) -> Result<Layer, Error> {
+    if is_pipe(path) {
+        let why = "-: a configuration is read by its name, and again on SIGHUP, not from a pipe; name a file";
+        return Err(Error::Usage(why.to_owned()));
+    }
     let text = stillpoint::run::text(path);
     // A configuration that cannot be read is a fault of the command line, not of a recording.
     let unreadable = |source| Error::Io { doing: "read the configuration", path: path.into(), source };
@@ -125,7 +146,7 @@ fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run:
 fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Result<(), Error> {
     // Of the formats that are written so, those that hold names have strings with JSON's escapes.
     let text = &*printable_json(text);
-    let Some(path) = output else { return print(text) };
+    let Some(path) = output.filter(|path| !is_pipe(path)) else { return print(text) };
     let partial = partial(path, force, reads)?;
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
     finish(partial, force)
@@ -154,8 +175,12 @@ fn finish(partial: Partial, force: bool) -> Result<(), Error> {
     }
 }
 
-/// A file of text; anything else is said to be none.
+/// A file of text, or standard input; anything else is said to be none.
 fn text_of(path: &Path) -> Result<String, Error> {
+    if is_pipe(path) {
+        let text = std::io::read_to_string(std::io::stdin().take(LONGEST_TEXT));
+        return text.map_err(Error::io("read", "standard input".as_ref()));
+    }
     stillpoint::run::text(path).map_err(Error::io("read", path))
 }
 

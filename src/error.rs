@@ -19,7 +19,7 @@ pub enum Error {
     #[error(transparent)]
     Config(#[from] config::Error),
     /// The system refused.
-    #[error("{}: cannot {doing}: {}", path.display(), Reason(source))]
+    #[error("{}: cannot {doing}: {}", path.display(), Reason { doing, path, source })]
     Io {
         /// What was attempted, as a verb.
         doing: &'static str,
@@ -124,20 +124,52 @@ impl Error {
 }
 
 /// The commonest refusals with the next step.
-struct Reason<'a>(&'a io::Error);
+struct Reason<'a> {
+    doing: &'a str,
+    path: &'a Path,
+    source: &'a io::Error,
+}
 
 impl fmt::Display for Reason<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.0.kind() {
-            io::ErrorKind::NotFound => "no such file or folder",
+        let reads = self.doing.starts_with("read");
+        f.write_str(match self.source.kind() {
+            io::ErrorKind::NotFound if reads && self.path.to_string_lossy().contains(['*', '?']) => {
+                "no such file: nothing matches the pattern here"
+            }
+            io::ErrorKind::NotFound => match self.missing_folder() {
+                Some(folder) => {
+                    let folder = folder.display();
+                    return write!(f, "no such folder as {folder}; make it (mkdir -p {folder}) or choose another");
+                }
+                None => "no such file or folder",
+            },
+            io::ErrorKind::AddrInUse => "another program listens there; stop it, or name another port",
+            io::ErrorKind::AddrNotAvailable => {
+                "this machine has no such address; 127.0.0.1 is for itself alone, 0.0.0.0 for everybody"
+            }
+            io::ErrorKind::PermissionDenied if self.doing == "listen on" => {
+                "permission denied; ports below 1024 are the system's, name another one"
+            }
             io::ErrorKind::PermissionDenied => "permission denied; check its owner and mode, or use another folder",
+            io::ErrorKind::NotADirectory => "a part of its path is a file, no folder",
+            io::ErrorKind::IsADirectory => "is a folder; name a file",
+            io::ErrorKind::InvalidFilename => "the name is too long for the file system",
             io::ErrorKind::ReadOnlyFilesystem => "the file system is read-only; choose another folder with -o",
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 "no space left; free some or choose another disk with -o"
             }
             io::ErrorKind::UnexpectedEof => "it became shorter while it was read",
             io::ErrorKind::FileTooLarge => "the file system or a limit allows no file of this size",
-            _ => return self.0.fmt(f),
+            _ => return self.source.fmt(f),
         })
+    }
+}
+
+impl Reason<'_> {
+    /// The folder that a file should be written into, if that is what is missing.
+    fn missing_folder(&self) -> Option<&Path> {
+        let folder = self.path.parent().filter(|folder| self.doing == "write" && !folder.as_os_str().is_empty())?;
+        (!folder.exists()).then_some(folder)
     }
 }

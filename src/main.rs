@@ -18,7 +18,7 @@ use tokio::runtime::{Builder, Runtime};
 const PATIENCE: Duration = Duration::from_secs(4);
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let cli = cli::Cli::try_parse().unwrap_or_else(|error| refuse(&error));
     console::log_to_stderr(&cli);
     run::allow_many_files();
 
@@ -29,6 +29,16 @@ fn main() -> ExitCode {
     }
     let code = commands::run(cli, &stop);
     stop.signal().map_or(code.into(), |signal| ExitCode::from(128 + signal))
+}
+
+/// Says what is wrong with the command line, and ends. A value that is none is said in one line, as every other error.
+fn refuse(error: &clap::Error) -> ! {
+    if error.kind() == clap::error::ErrorKind::ValueValidation {
+        let text = error.to_string();
+        eprintln!("{}", stillpoint::printable(text.lines().next().unwrap_or_default()));
+        std::process::exit(2);
+    }
+    error.exit()
 }
 
 /// Listens for signals, on a thread of its own.

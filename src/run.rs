@@ -15,12 +15,12 @@ mod watch;
 
 pub use crate::pipeline::{Ending, News, Progress, Tell};
 pub use batch::{Form, Options, Report, annotate, calibrate};
-pub use input::{Input, Listener, Watch, text};
+pub use input::{Input, Listener, Made, Watch, made, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
 pub use limits::{allow_many_files, outlive_file_size_limit};
 #[cfg(feature = "live")]
 pub use live::{Live, Session};
-pub use output::{Access, Partial, Reads, Written, take_back};
+pub use output::{Access, Partial, Reads, Written, default_output, take_back};
 pub use stop::Stop;
 pub use tail::{Following, Tailed, sidecar_of, tail};
 pub use watch::{Metrics, Show, Verdict, Watching, serve, watch};

@@ -1,12 +1,12 @@
 //! `stillpoint annotate`: each recording is finished or refused on its own.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
-use stillpoint::run::{self, Access, Form, Input, Options, Report, Stop, Written};
+use stillpoint::run::{self, Access, Form, Input, Made, Options, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
@@ -18,8 +18,9 @@ use crate::console::COMPOSED;
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
-    let works = works(args)?;
-    refuse_itself(args, &works)?;
+    let inputs = inputs(args);
+    let works = works(args, &inputs)?;
+    refuse_itself(args, &inputs, &works)?;
     let mut gravest = Code::Done;
     for work in works {
         let code = match work.run(args, &config, stop) {
@@ -27,11 +28,11 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 if json {
                     print_json(&work.result(&report, earlier.as_deref()))?;
                 }
-                if args.inputs.len() > 1 {
+                if inputs.len() > 1 {
                     info!("{}", work.input().display());
                 }
                 work.say(&report, written, earlier.as_deref());
-                code(&report, args.require_calibration, args.accept_damage)
+                code(&report, &config, args.require_calibration, args.accept_damage)
             }
             Err(error) => {
                 if json {
@@ -55,47 +56,80 @@ struct Work<'a> {
     outputs: Vec<PathBuf>,
 }
 
+/// The recordings among the inputs: what an earlier run made of one of them is none, as when all files of a folder are
+/// named a second time.
+fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
+    let folder = args.out_dir.as_deref();
+    let results: BTreeSet<_> = args
+        .inputs
+        .iter()
+        .flat_map(|input| {
+            let is_folder = input.is_dir();
+            [None, folder]
+                .map(|folder| run::default_output(input, is_folder, folder, false))
+                .into_iter()
+                .filter(move |output| output != input)
+        })
+        .collect();
+    let is_result = |input: &&PathBuf| match run::made(input) {
+        Some(Made::Sidecar) => true,
+        Some(Made::Annotated) => results.contains(*input),
+        None => false,
+    };
+    let (made, recordings): (Vec<_>, Vec<_>) = args.inputs.iter().partition(is_result);
+    if recordings.is_empty() {
+        return args.inputs.clone();
+    }
+    if let Some(first) = made.first() {
+        let more = if made.len() > 1 { format!(" and {} more", made.len() - 1) } else { String::new() };
+        info!("left out, as results of Stillpoint: {}{more}", first.display());
+    }
+    recordings.into_iter().cloned().collect()
+}
+
 /// What is to be done, recording by recording.
-fn works(args: &cli::Annotate) -> Result<Vec<Work<'_>>, Error> {
-    let outputs = outputs(args)?;
+fn works<'a>(args: &cli::Annotate, inputs: &'a [PathBuf]) -> Result<Vec<Work<'a>>, Error> {
+    let outputs = outputs(args, inputs)?;
     if args.join {
         let outputs = if args.sidecar { outputs.into_iter().take(1).collect() } else { outputs };
-        return Ok(vec![Work { inputs: &args.inputs, outputs }]);
+        return Ok(vec![Work { inputs, outputs }]);
     }
-    let inputs = args.inputs.chunks(1);
+    let inputs = inputs.chunks(1);
     Ok(inputs.zip(outputs).map(|(inputs, output)| Work { inputs, outputs: vec![output] }).collect())
 }
 
 /// Refuses outputs that are read. What is there already is compared alone, unless it is to be replaced.
-fn refuse_itself(args: &cli::Annotate, works: &[Work<'_>]) -> Result<(), Error> {
+fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -> Result<(), Error> {
     if args.in_place || !args.force && !args.sidecar {
         return Ok(());
     }
-    let reads = reads(&args.inputs, &[&args.configuration.config, &args.against.against]);
+    let reads = reads(inputs, &[&args.configuration.config, &args.against.against]);
     works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
 }
 
 /// Where the result of each input goes.
-fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
+fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     if args.in_place {
-        return Ok(args.inputs.clone());
+        return Ok(inputs.to_owned());
     }
     if let Some(output) = &args.output {
-        return match args.inputs.as_slice() {
+        return match inputs {
             [_] => Ok(vec![output.clone()]),
             _ if args.join && args.sidecar => Ok(vec![output.clone()]),
             _ if args.join => {
-                let why =
-                    "each of the joined files has a result of its own: use --out-dir, or --sidecar for one output";
-                Err(Error::Usage(why.to_owned()))
+                let output = output.display();
+                Err(Error::Usage(format!(
+                    "-o {output}: each of the joined files keeps a file of its own; --out-dir {output} names a folder for \
+                     them, or --sidecar -o {output} one file for all annotations"
+                )))
             }
             _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
         };
     }
     let mut taken = BTreeMap::new();
     let mut outputs = Vec::new();
-    for input in &args.inputs {
-        let output = default_output(input, input.is_dir(), args.out_dir.as_deref(), args.sidecar);
+    for input in inputs {
+        let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), args.sidecar);
         if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
             let (other, input, output) = (other.display(), input.display(), output.display());
             return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
@@ -103,23 +137,6 @@ fn outputs(args: &cli::Annotate) -> Result<Vec<PathBuf>, Error> {
         outputs.push(output);
     }
     Ok(outputs)
-}
-
-/// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
-pub fn default_output(input: &Path, is_folder: bool, folder: Option<&Path>, sidecar: bool) -> PathBuf {
-    let whole = if is_folder { input.canonicalize().ok() } else { None };
-    let whole = whole.unwrap_or_else(|| input.to_owned());
-    let stem = if is_folder { whole.file_name() } else { whole.file_stem() };
-    let stem = stem.unwrap_or_default().to_string_lossy();
-    let stem = stem.strip_suffix(".annotated").unwrap_or(&stem);
-    let name = match (sidecar, is_folder) {
-        (true, _) => format!("{stem}.stillpoint.mcap"),
-        (false, true) => format!("{stem}.annotated"),
-        (false, false) => format!("{stem}.annotated.mcap"),
-    };
-    // A folder may be named by where one stands in it.
-    let beside = if input.file_name().is_some() { input } else { &whole };
-    folder.map_or_else(|| beside.with_file_name(&name), |folder| folder.join(&name))
 }
 
 impl Work<'_> {
@@ -166,8 +183,9 @@ impl Work<'_> {
     fn result(&self, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
         let mut result = result(self.input(), self.output(), report, earlier);
         if self.inputs.len() > 1 {
-            result["inputs"] = json!(self.inputs);
-            result["outputs"] = json!(self.outputs);
+            let names = |paths: &[PathBuf]| paths.iter().map(|path| name(path)).collect::<serde_json::Value>();
+            result["inputs"] = names(self.inputs);
+            result["outputs"] = names(&self.outputs);
         }
         result
     }
@@ -177,9 +195,12 @@ impl Work<'_> {
     }
 }
 
-/// The exit code of a recording that was done.
-pub fn code(report: &Report, require_calibration: bool, accept_damage: bool) -> Code {
-    let calibrated = !report.imus.is_empty() && report.imus.iter().all(|imu| imu.is_calibrated());
+/// The exit code of a recording that was done. An IMU that is configured and is not there was not calibrated either.
+pub fn code(report: &Report, config: &Config, require_calibration: bool, accept_damage: bool) -> Code {
+    let is_there = |topic: &str| report.channels.iter().any(|(channel, _)| channel.topic == topic);
+    let calibrated = !report.imus.is_empty()
+        && report.imus.iter().all(|imu| imu.is_calibrated())
+        && config.imu.iter().all(|imu| is_there(&imu.topic));
     if require_calibration && !calibrated {
         Code::Uncalibrated
     } else if report.damages > 0 && !accept_damage {
@@ -235,19 +256,4 @@ pub fn skipped(report: &Report) -> BTreeMap<&str, Vec<&str>> {
         }
     }
     skipped
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn default_names_stand_beside_the_input_or_in_the_folder() {
-        let name = |input: &str, folder: Option<&str>, sidecar| {
-            default_output(Path::new(input), false, folder.map(Path::new), sidecar).display().to_string()
-        };
-        assert_eq!(name("a/x.mcap", None, false), "a/x.annotated.mcap");
-        assert_eq!(name("a/x.mcap", Some("b"), true), "b/x.stillpoint.mcap");
-        assert_eq!(name("x.annotated.mcap", None, false), "x.annotated.mcap");
-    }
 }

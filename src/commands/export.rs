@@ -1,7 +1,7 @@
 //! `stillpoint export`: the calibration for other programs.
 
 use stillpoint::Error;
-use stillpoint::report::{self, Options, Parameters, RandomWalk, Readings};
+use stillpoint::report::{self, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::progress::Progress;
@@ -38,18 +38,12 @@ fn options(args: &cli::Export) -> Result<Options, Error> {
         None if args.raw => Readings::Raw,
         None => Readings::Unsaid,
     };
-    let random_walk = args.random_walk.as_deref().map(random_walk).transpose()?;
-    let (imu, sensor) = (args.imu.clone(), args.sensor.clone());
-    Ok(Options { imu, sensor, readings, axes: args.axes, slot: args.slot, random_walk })
-}
-
-fn random_walk(text: &str) -> Result<RandomWalk, Error> {
-    if text == "bound" {
-        return Ok(RandomWalk::Bound);
-    }
-    let numbers = text.split(',').map(|number| number.trim().parse().ok().filter(|number: &f64| *number > 0.0));
-    match numbers.collect::<Option<Vec<_>>>().as_deref() {
-        Some(&[accel, gyro]) if accel.is_finite() && gyro.is_finite() => Ok(RandomWalk::Given([accel, gyro])),
-        _ => Err(Error::Usage("--random-walk takes two positive numbers, ACCEL,GYRO, or the word bound".to_owned())),
-    }
+    Ok(Options {
+        imu: args.imu.clone(),
+        sensor: args.sensor.clone(),
+        readings,
+        axes: args.pointing.axes,
+        slot: args.slot,
+        random_walk: args.random_walk,
+    })
 }

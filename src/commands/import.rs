@@ -10,7 +10,7 @@ use super::{Code, reads, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Import) -> Result<Code, Error> {
-    let mut imus = read(&args.calibration, args.axes)?;
+    let mut imus = read(&args.calibration, args.pointing.axes)?;
     if let Some(topic) = &args.topic {
         let [imu] = imus.as_mut_slice() else {
             let several = format!("--topic names one IMU, and {} holds {}", args.calibration.display(), imus.len());
@@ -30,5 +30,9 @@ pub fn read(path: &Path, axes: Option<Axes>) -> Result<Vec<Findings>, Error> {
 
 /// Reads the calibration to compare with, if there is one.
 pub fn against(typed: &cli::Against) -> Result<Option<Vec<Findings>>, Error> {
-    typed.against.as_ref().map(|path| read(path, typed.axes)).transpose()
+    match (&typed.against, typed.pointing.axes) {
+        (Some(path), axes) => read(path, axes).map(Some),
+        (None, Some(_)) => Err(Error::Usage("--axes is of the calibration that --against names; name one".to_owned())),
+        (None, None) => Ok(None),
+    }
 }

@@ -29,7 +29,9 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let page = Page { recording: &name, timelines: imus, notes, settings, earlier };
         let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
         write(&page.html(), Some(output), args.force, &reads)?;
-        tracing::info!("wrote {}", output.display());
+        if !super::is_pipe(output) {
+            tracing::info!("wrote {}", output.display());
+        }
     } else if !json {
         let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier)).collect();
         let notes: String = data.notes.iter().map(|note| format!("{}\n", printable(note))).collect();

@@ -5,7 +5,7 @@ use std::time::Duration;
 use stillpoint::Error;
 use stillpoint::run::{self, Ending, Following, News, Options, Stop, Written};
 
-use super::annotate::{code, default_output, result, say};
+use super::annotate::{code, result, say};
 use super::view::View;
 use super::{Code, configuration, import, print_json, reads, stream};
 use crate::cli;
@@ -19,7 +19,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     // What is not there yet is a folder, if its name says nothing else.
     let file = args.input.extension().is_some_and(|ending| ending == "mcap");
     let folder = args.input.is_dir() || !args.input.exists() && !file;
-    let output = args.output.clone().unwrap_or_else(|| default_output(&args.input, folder, None, false));
+    let output = args.output.clone().unwrap_or_else(|| run::default_output(&args.input, folder, None, false));
     let reads = reads([], &[&args.configuration.config, &args.against.against]);
     reads.refuse(&output)?;
     reads.refuse(&run::sidecar_of(&output))?;
@@ -58,7 +58,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         print_json(&result)?;
     }
     say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, earlier.as_deref());
-    let code = code(&tailed.report, args.require_calibration, args.accept_damage);
+    let code = code(&tailed.report, &config, args.require_calibration, args.accept_damage);
     Ok(match (tailed.written, code) {
         (Written::Before, _) => Code::Done,
         // A folder without its last file, say.

@@ -14,6 +14,11 @@ use super::{Code, configuration, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
+    if args.folder.is_file() {
+        let why = "is a file; watch takes the folder that recordings appear in, tail or annotate take one recording";
+        return Err(Error::input(&args.folder, why));
+    }
+    std::fs::read_dir(&args.folder).map_err(Error::io("read", &args.folder))?;
     let config = Arc::new(RwLock::new(configuration(&args.configuration)?));
     reload_on_hangup(args.configuration.clone(), config.clone())?;
     let metrics = Arc::new(Metrics::default());

@@ -108,7 +108,7 @@ fn rests(still: &still::Config) -> Result<(), Fault> {
 }
 
 fn fit(fit: &fit::Config) -> Result<(), Fault> {
-    positive("fit.gravity", fit.gravity.unwrap_or(1.0))?;
+    gravity(fit.gravity.unwrap_or(9.80665))?;
     place(fit)?;
     positive("fit.placement_std", fit.placement_std)?;
     positive("fit.rate_std", fit.rate_std)?;
@@ -121,6 +121,15 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
         (0..3).try_for_each(|axis| bounds(&format!("fit.bounds.{name}"), bound.of(axis)))?;
     }
     Ok(())
+}
+
+/// From the Moon to Jupiter; what lies beyond is a slip, or another unit.
+fn gravity(gravity: f64) -> Result<(), Fault> {
+    if (1.5..=30.0).contains(&gravity) {
+        return Ok(());
+    }
+    let why = "is no gravity in m/s², which is 9.76 to 9.84 on Earth; leave it out, or give fit.latitude_deg";
+    fault("fit.gravity", format!("{gravity} {why}"))
 }
 
 fn fixture(fixture: &fit::FixtureConfig) -> Result<(), Fault> {

@@ -20,6 +20,21 @@ fn kind(found: &[u8]) -> String {
         () if begins(b"#ROSBAG") => "a ROS 1 bag; convert it with `mcap convert`",
         () if begins(b"SQLite") => "a rosbag2 of sqlite3; convert it with `mcap convert`",
         () if begins(b"ULog") => "a PX4 ULog; convert it to MCAP first, with PlotJuggler or Foxglove for instance",
+        () if begins(&[0xfd, b'7', b'z', b'X', b'Z']) => "compressed as a whole by xz; decompress it with `unxz`",
+        () if begins(b"PK") => "a zip archive; unpack it with `unzip`",
+        () if begins(b"\x89HDF") => "HDF5; convert it to MCAP first",
+        () if begins(b"rosbag2_") => "the metadata.yaml of a rosbag2 recording; name the folder that it stands in",
+        () if begins(b"<?xml") || begins(b"{") || begins(b"[") => {
+            "JSON or XML as a file of its own; write its messages into an MCAP recording, with Python's `mcap` for instance"
+        }
+        () if is_text(found) => {
+            let text = String::from_utf8_lossy(found);
+            return format!(
+                "text, CSV perhaps, which begins with {:?}; write its readings into an MCAP recording first, as \
+                 sensor_msgs/Imu with Python's `mcap-ros2-support` for instance",
+                text.lines().next().unwrap_or_default()
+            );
+        }
         () => return format!("it {}; convert ROS bags with `mcap convert` first", beginning(found)),
     };
     what.to_owned()
@@ -75,6 +90,10 @@ pub enum Error {
         /// What the system says.
         cause: io::Error,
     },
+}
+
+fn is_text(found: &[u8]) -> bool {
+    !found.is_empty() && found.iter().all(|&byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace())
 }
 
 fn beginning(found: &[u8]) -> String {

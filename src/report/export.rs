@@ -4,44 +4,54 @@
 pub(super) mod autopilot;
 mod imu_calib;
 mod kalibr;
+mod own;
 
-use serde_json::json;
+use std::str::FromStr;
 
-use super::{Findings, Parameters, calibration, imus, model, yaml};
+use super::{Findings, Parameters, calibration, model};
 use crate::fit::Calibration;
 use crate::messages::{self, Triad};
 use crate::printable;
 
-/// A format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Everything, for programs
-    Json,
-    /// The same as YAML
-    Yaml,
-    /// Intrinsics in the layout of Kalibr's results
-    Kalibr,
-    /// Kalibr's imu.yaml: noise densities and rate
-    KalibrInput,
-    /// SM and bias of dpkoch/imu_calib
-    ImuCalib,
-    /// CAL_ACC*, CAL_GYRO* for QGroundControl
-    Px4,
-    /// INS_ACC*, INS_GYR* for ground stations
-    Ardupilot,
+/// A format: what it is called, what is said of it, and what writes it. Each stands in a file of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// What it is chosen by.
+    pub name: &'static str,
+    /// What is said of it.
+    pub help: &'static str,
+    /// Which choices of a random walk mean something in it.
+    random_walks: RandomWalks,
+    write: fn(&[Findings], &Options) -> Result<Exported, ExportError>,
 }
 
 impl Format {
-    /// Every format, the name that it is chosen by, and what is said of it.
-    pub const ALL: &[(Self, &str, &str)] = &[
-        (Self::Json, "json", "Everything, for programs"),
-        (Self::Yaml, "yaml", "The same as YAML"),
-        (Self::Kalibr, "kalibr", "Intrinsics in the layout of Kalibr's results"),
-        (Self::KalibrInput, "kalibr-input", "Kalibr's imu.yaml: noise densities and rate"),
-        (Self::ImuCalib, "imu-calib", "SM and bias of dpkoch/imu_calib"),
-        (Self::Px4, "px4", "CAL_ACC*, CAL_GYRO* for QGroundControl"),
-        (Self::Ardupilot, "ardupilot", "INS_ACC*, INS_GYR* for ground stations"),
-    ];
+    /// Every format.
+    pub const ALL: &[Self] =
+        &[own::JSON, own::YAML, kalibr::RESULTS, kalibr::INPUT, imu_calib::YAML, autopilot::PX4, autopilot::ARDUPILOT];
+
+    /// The format of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|format| format.name == name)
+    }
+
+    fn takes(self, walk: RandomWalk) -> bool {
+        match walk {
+            RandomWalk::Bound => self.random_walks != RandomWalks::None,
+            RandomWalk::Given(_) => self.random_walks == RandomWalks::Any,
+        }
+    }
+}
+
+/// Which choices of a random walk mean something in a format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RandomWalks {
+    /// It holds none, or holds what the rests show alone.
+    None,
+    /// The upper bound.
+    Bound,
+    /// That, and numbers from elsewhere.
+    Any,
 }
 
 /// What an export has to be told.
@@ -68,6 +78,22 @@ pub enum RandomWalk {
     Bound,
     /// These of accelerometer and gyroscope, m/s³/√Hz and rad/s²/√Hz.
     Given([f64; 2]),
+}
+
+impl FromStr for RandomWalk {
+    type Err = &'static str;
+
+    /// `bound`, or two positive numbers, `ACCEL,GYRO`.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "bound" {
+            return Ok(Self::Bound);
+        }
+        let number = |text: &str| text.trim().parse().ok().filter(|walk: &f64| *walk > 0.0 && walk.is_finite());
+        match text.split(',').map(number).collect::<Option<Vec<_>>>().as_deref() {
+            Some(&[accel, gyro]) => Ok(Self::Given([accel, gyro])),
+            _ => Err("expected two positive numbers, ACCEL,GYRO, or the word bound"),
+        }
+    }
 }
 
 /// Whether readings were corrected before they were calibrated.
@@ -109,6 +135,13 @@ pub struct Exported {
     pub text: String,
     /// What the reader should know, one line each.
     pub warnings: Vec<String>,
+}
+
+impl Exported {
+    /// A file that needs no warning.
+    fn plain(text: String) -> Self {
+        Self { text, warnings: Vec::new() }
+    }
 }
 
 /// Why there is no export.
@@ -160,33 +193,15 @@ const LEANER: &str =
 ///
 /// If the format cannot hold it, or something has to be said before it would be right.
 pub fn export(findings: &[Findings], format: Format, options: &Options) -> Result<Exported, ExportError> {
-    let no_use = match options.random_walk {
-        None => None,
-        Some(RandomWalk::Given(_)) => (format != Format::KalibrInput).then_some("kalibr-input alone"),
-        Some(RandomWalk::Bound) => {
-            (!matches!(format, Format::Kalibr | Format::KalibrInput)).then_some("kalibr and kalibr-input alone")
-        }
-    };
-    if let Some(formats) = no_use {
-        return Err(ExportError::Refused(format!("this --random-walk is of use to --format {formats}")));
+    if let Some(walk) = options.random_walk.filter(|&walk| !format.takes(walk)) {
+        let formats: Vec<_> = Format::ALL.iter().filter(|other| other.takes(walk)).map(|other| other.name).collect();
+        let formats = formats.join(" and ");
+        return Err(ExportError::Refused(format!("this --random-walk is of use to --format {formats} alone")));
     }
-    let findings = match options.imu {
-        Some(_) => std::slice::from_ref(one(findings, options)?),
-        None => findings,
-    };
-    match format {
-        Format::Json => Ok(plain(format!("{:#}\n", json!({"imus": imus(findings)})))),
-        Format::Yaml => Ok(plain(comments(&own()) + &yaml::document(&json!({"imus": imus(findings)})))),
-        Format::Kalibr => kalibr::intrinsics(findings, options.random_walk),
-        Format::KalibrInput => kalibr::input(one(findings, options)?, options.random_walk).map(plain),
-        Format::ImuCalib => imu_calib::export(one(findings, options)?, options).map(plain),
-        Format::Px4 => autopilot::export(&autopilot::PX4, one(findings, options)?, options),
-        Format::Ardupilot => autopilot::export(&autopilot::ARDUPILOT, one(findings, options)?, options),
+    match options.imu {
+        Some(_) => (format.write)(std::slice::from_ref(one(findings, options)?), options),
+        None => (format.write)(findings, options),
     }
-}
-
-fn plain(text: String) -> Exported {
-    Exported { text, warnings: Vec::new() }
 }
 
 /// The IMU that is meant.
@@ -251,16 +266,6 @@ fn heading(imu: &Findings, triads: &[&Triad]) -> Vec<String> {
         lines.push(format!("gravity {gravity} m/s² ({gravity_source})"));
     }
     lines
-}
-
-/// What stands above our own layout.
-fn own() -> [String; 3] {
-    [
-        format!("Calibrations by Stillpoint {}", env!("CARGO_PKG_VERSION")),
-        "measured = bias + sensitivity * true, rows of sensitivity one by one, so true = sensitivity^-1 * (measured - bias)"
-            .to_owned(),
-        "accelerometers in m/s², gyroscopes in rad/s, axes as in the recording; convention: Stillpoint's own".to_owned(),
-    ]
 }
 
 /// Text as comments; what a recording names cannot end a comment early.

@@ -40,6 +40,8 @@ pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
 
 fn imu(findings: &Findings) -> Value {
     let calibration = findings.calibration.as_ref();
+    // What another program wrote has no history; its revision is 0.
+    let history = calibration.filter(|c| c.revision > 0);
     json!({
         "name": findings.name,
         "topic": findings.topic,
@@ -47,11 +49,11 @@ fn imu(findings: &Findings) -> Value {
         "accelerometer": triad(calibration.and_then(|c| c.accelerometer.as_ref())),
         "gyroscope": triad(calibration.and_then(|c| c.gyroscope.as_ref())),
         "secondary": calibration.iter().flat_map(|c| &c.secondary).map(|t| triad(Some(t))).collect::<Value>(),
-        "gravity": calibration.map(|c| c.gravity),
-        "gravity_source": calibration.map(|c| &c.gravity_source),
-        "revision": calibration.map(|c| c.revision),
-        "segments": calibration.map(|c| c.segments),
-        "placements": calibration.map(|c| c.placements),
+        "gravity": calibration.map(|c| c.gravity).filter(|&gravity| gravity > 0.0),
+        "gravity_source": calibration.and_then(|c| text(&c.gravity_source)),
+        "revision": history.map(|c| c.revision),
+        "segments": history.map(|c| c.segments),
+        "placements": history.map(|c| c.placements),
         "temperature_range": calibration.and_then(|c| Some([c.temperature_min?, c.temperature_max?])),
         "rests": rests([findings]),
         "coverage": findings.coverage.as_ref().map(coverage),

@@ -8,6 +8,7 @@ mod session;
 
 mod containers;
 mod in_place;
+mod mistakes;
 mod readme;
 mod real_recordings;
 mod recordings;

@@ -2,7 +2,6 @@
 //!
 //! `STILLPOINT_UPDATE=1 cargo test --test simulate testdata` records it anew after the scenario was edited.
 
-
 use stillpoint::simulate::{Scenario, Truth, record};
 
 use crate::needs::root;

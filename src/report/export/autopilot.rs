@@ -5,7 +5,8 @@
 //! readings, before the rotation of the board.
 
 use super::{
-    Axes, ExportError, Exported, LEANER, Options, Readings, accelerometer, beyond, comments, gyroscope, heading,
+    Axes, ExportError, Exported, Format, LEANER, Options, RandomWalks, Readings, accelerometer, beyond, comments,
+    gyroscope, heading, one,
 };
 use crate::fit::Calibration;
 use crate::messages::Triad;
@@ -13,8 +14,22 @@ use crate::messages::triad::Model;
 use crate::report::parameters::rounded;
 use crate::report::{Findings, Parameters};
 
+pub(super) const PX4: Format = Format {
+    name: "px4",
+    help: "CAL_ACC*, CAL_GYRO* for QGroundControl",
+    random_walks: RandomWalks::None,
+    write: |findings, options| export(&PX4_FILE, one(findings, options)?, options),
+};
+
+pub(super) const ARDUPILOT: Format = Format {
+    name: "ardupilot",
+    help: "INS_ACC*, INS_GYR* for ground stations",
+    random_walks: RandomWalks::None,
+    write: |findings, options| export(&ARDUPILOT_FILE, one(findings, options)?, options),
+};
+
 /// What two autopilots do not share.
-pub(super) struct Autopilot {
+struct Autopilot {
     name: &'static str,
     /// Names of a slot's parameters; `*` stands for the axis.
     names: fn(u8) -> Option<Names>,
@@ -36,7 +51,7 @@ pub(in crate::report) struct Names {
     pub(in crate::report) rotations: Vec<String>,
 }
 
-pub(super) static PX4: Autopilot = Autopilot {
+static PX4_FILE: Autopilot = Autopilot {
     name: "PX4",
     names: px4,
     line: |name, value, integer| match integer {
@@ -50,7 +65,7 @@ pub(super) static PX4: Autopilot = Autopilot {
     ],
 };
 
-pub(super) static ARDUPILOT: Autopilot = Autopilot {
+static ARDUPILOT_FILE: Autopilot = Autopilot {
     name: "ArduPilot",
     names: ardupilot,
     line: |name, value, integer| match integer {
@@ -97,7 +112,7 @@ pub(in crate::report) fn ardupilot(slot: u8) -> Option<Names> {
     })
 }
 
-pub(super) fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Exported, ExportError> {
+fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Exported, ExportError> {
     let Autopilot { name, .. } = *autopilot;
     let names = (autopilot.names)(options.slot)
         .ok_or_else(|| ExportError::Refused(format!("{name} has no sensor {}", options.slot)))?;

@@ -3,10 +3,17 @@
 
 use nalgebra::Matrix3;
 
-use super::{ExportError, Options, accelerometer, beyond, comments, heading};
+use super::{ExportError, Exported, Format, Options, RandomWalks, accelerometer, beyond, comments, heading, one};
 use crate::report::{Findings, row_major, yaml};
 
-pub(super) fn export(imu: &Findings, options: &Options) -> Result<String, ExportError> {
+pub(super) const YAML: Format = Format {
+    name: "imu-calib",
+    help: "SM and bias of dpkoch/imu_calib",
+    random_walks: RandomWalks::None,
+    write: |findings, options| export(one(findings, options)?, options).map(Exported::plain),
+};
+
+fn export(imu: &Findings, options: &Options) -> Result<String, ExportError> {
     let (triad, calibration) = accelerometer(imu, options.sensor.as_deref())?;
     if let Some(what) = beyond(triad).next() {
         let next = "use --format json or yaml";

@@ -5,7 +5,9 @@
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 
-use super::{ExportError, Exported, RandomWalk, accelerometer, beyond, comments, gyroscope, heading};
+use super::{
+    ExportError, Exported, Format, RandomWalk, RandomWalks, accelerometer, beyond, comments, gyroscope, heading, one,
+};
 use crate::engine;
 use crate::fit::Calibration;
 use crate::messages::{AxisNoise, TriadMean};
@@ -14,8 +16,22 @@ use crate::report::{Findings, length, matrix, row_major, yaml};
 const WALKS: &str = "the random walk of a bias shows only where the sensor is left alone for long, a gyroscope for a minute \
     and more at a time and ten in all, an accelerometer for two";
 
+pub(super) const RESULTS: Format = Format {
+    name: "kalibr",
+    help: "Intrinsics in the layout of Kalibr's results",
+    random_walks: RandomWalks::Bound,
+    write: |findings, options| intrinsics(findings, options.random_walk),
+};
+
+pub(super) const INPUT: Format = Format {
+    name: "kalibr-input",
+    help: "Kalibr's imu.yaml: noise densities and rate",
+    random_walks: RandomWalks::Any,
+    write: |findings, options| input(one(findings, options)?, options.random_walk).map(Exported::plain),
+};
+
 /// The results file: intrinsics of `imu0`, `imu1`, …
-pub(super) fn intrinsics(findings: &[Findings], walk: Option<RandomWalk>) -> Result<Exported, ExportError> {
+fn intrinsics(findings: &[Findings], walk: Option<RandomWalk>) -> Result<Exported, ExportError> {
     let bound = matches!(walk, Some(RandomWalk::Bound));
     let mut lines = Vec::new();
     let mut document = Map::new();
@@ -89,7 +105,7 @@ fn block(imu: &Findings, bound: bool) -> Result<(Vec<String>, Value), ExportErro
 }
 
 /// The file that Kalibr reads: noise and rate.
-pub(super) fn input(imu: &Findings, walk: Option<RandomWalk>) -> Result<String, ExportError> {
+fn input(imu: &Findings, walk: Option<RandomWalk>) -> Result<String, ExportError> {
     let noise = Noise::of(imu);
     let (bound, given) = (matches!(walk, Some(RandomWalk::Bound)), matches!(walk, Some(RandomWalk::Given(_))));
     let walk = match walk {

@@ -11,4 +11,4 @@ pub(crate) mod splits;
 pub use recording::Watch;
 pub use regular::text;
 pub use scan_file::Listener;
-pub use splits::Input;
+pub use splits::{Input, Made, made};

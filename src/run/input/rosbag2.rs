@@ -152,6 +152,11 @@ pub(crate) fn is_finished(folder: &Path) -> bool {
     folder.join(METADATA).exists()
 }
 
+/// Whether the recording in a folder was annotated.
+pub(crate) fn has_original(folder: &Path) -> bool {
+    folder.join(METADATA).exists() && folder.join(ORIGINAL).exists()
+}
+
 /// The files that a recorder says to have recorded into a folder, once it says so.
 pub(crate) fn listed(folder: &Path) -> Option<Vec<String>> {
     read(folder, METADATA).ok().map(|metadata| metadata.files)

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::record::{Damage, Event};
+use crate::record::{Damage, Event, Kind};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::output::in_place::Access;
@@ -200,6 +200,27 @@ impl Input {
             each(Read::Event(Event::Damage(damage)))?;
         }
         Ok(())
+    }
+}
+
+/// What Stillpoint made of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Made {
+    /// The recording with its annotations.
+    Annotated,
+    /// The annotations alone.
+    Sidecar,
+}
+
+/// What Stillpoint made, if it made the file or folder of that name; `None` also where that cannot be told.
+pub fn made(path: &Path) -> Option<Made> {
+    if path.is_dir() {
+        return rosbag2::has_original(path).then_some(Made::Annotated);
+    }
+    match Recording::open(path).ok()?.kind().ok()? {
+        Kind::Annotated { .. } => Some(Made::Annotated),
+        Kind::Sidecar { .. } => Some(Made::Sidecar),
+        Kind::Recording | Kind::Edited { .. } => None,
     }
 }
 

@@ -12,6 +12,7 @@ use crate::Error;
 use crate::run::input::regular;
 use crate::run::input::rosbag2::{self, Bag};
 use crate::run::output::file::{Output, Written};
+use crate::run::output::names::without_ending;
 use crate::run::output::partial::{Partial, folder_beside, rename_new, sync_folder};
 use crate::run::output::reads::Reads;
 
@@ -120,10 +121,9 @@ impl Folder {
             let entry = entry.map_err(refused)?;
             self.reads.refuse(&entry.path())?;
             let name = entry.file_name();
-            let name = name.to_string_lossy();
-            let belongs = place.join(&*name).exists() || listed.iter().any(|known| *known == name);
-            if !belongs && !name.ends_with(".partial") {
-                let why = format!("holds {name}, which would be lost: move it, or choose another name");
+            let belongs = place.join(&name).exists() || listed.iter().any(|known| name == known.as_str());
+            if !belongs && without_ending(&name, &[".partial"]).is_none() {
+                let why = format!("holds {}, which would be lost: move it, or choose another name", name.display());
                 return Err(Error::input(&self.path, why));
             }
         }

@@ -3,6 +3,7 @@
 pub(crate) mod file;
 pub(crate) mod folder;
 pub(crate) mod in_place;
+pub(crate) mod names;
 pub(crate) mod options;
 pub(crate) mod partial;
 pub(crate) mod reads;
@@ -12,5 +13,6 @@ pub(crate) mod spill;
 
 pub use file::Written;
 pub use in_place::{Access, take_back};
+pub use names::default_output;
 pub use partial::Partial;
 pub use reads::Reads;

@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::run::output::names::{with_ending, without_ending};
 use crate::run::output::partial::rename_new;
 
 /// So many results of recordings that lost their name are kept.
@@ -12,11 +13,10 @@ const KEPT: u32 = 100;
 
 /// Where the annotations stand while a recording is followed: beside the output.
 pub fn sidecar_of(output: &Path) -> PathBuf {
-    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    let name = output.file_name().unwrap_or_default();
     // Nothing else, so that two outputs share no sidecar.
-    let stem = [".annotated.mcap", ".mcap", ".annotated"].iter().find_map(|ending| name.strip_suffix(ending));
-    let stem = stem.unwrap_or(&name);
-    output.with_file_name(format!("{stem}.stillpoint.mcap"))
+    let stem = without_ending(name, &[".annotated.mcap", ".mcap", ".annotated"]).unwrap_or(name);
+    output.with_file_name(with_ending(stem, ".stillpoint.mcap"))
 }
 
 /// Where it stands how far the following has come: beside the sidecar.
@@ -31,11 +31,12 @@ pub(crate) fn index_log_of(sidecar: &Path) -> PathBuf {
 
 /// Gives a result another name, since its recording has lost its own.
 pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
-    let name = result.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = result.file_name().unwrap_or_default();
     let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
-    let ending = endings.into_iter().find(|ending| name.ends_with(ending)).unwrap_or_default();
-    let stem = name.strip_suffix(ending).unwrap_or(&name);
-    let mut names = (1..=KEPT).map(|n| result.with_file_name(format!("{stem}.before-{n}{ending}")));
+    let ending = endings.into_iter().find(|ending| without_ending(name, &[ending]).is_some()).unwrap_or_default();
+    let stem = without_ending(name, &[ending]).unwrap_or(name);
+    let aside = |n| result.with_file_name(with_ending(stem, &format!(".before-{n}{ending}")));
+    let mut names = (1..=KEPT).map(aside);
     loop {
         let Some(aside) = names.find(|path| path.symlink_metadata().is_err()) else {
             let why =

@@ -13,6 +13,7 @@ use crate::record::Kind;
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::splits::Input;
 use crate::run::input::{regular, rosbag2};
+use crate::run::output::names::with_ending;
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
 use crate::run::tail::{checkpoint, checkpoint_of, set_aside, sidecar_of};
@@ -110,8 +111,9 @@ impl Watching {
     /// Where it is noted that somebody works on a recording: hidden, beside its result.
     pub(super) fn attempt(&self, recording: &Path) -> PathBuf {
         let place = self.place(recording, "stillpoint-attempt");
-        let name = place.file_name().unwrap_or_default().to_string_lossy();
-        place.with_file_name(format!(".{name}"))
+        let mut name = std::ffi::OsString::from(".");
+        name.push(place.file_name().unwrap_or_default());
+        place.with_file_name(name)
     }
 
     /// How long work on a finished recording may take.
@@ -124,7 +126,7 @@ impl Watching {
         let within = recording.strip_prefix(&self.folder).unwrap_or(recording);
         let place = self.out.as_ref().map_or_else(|| recording.to_owned(), |out| out.join(within));
         let stem = if is_folder(recording) { recording.file_name() } else { recording.file_stem() };
-        place.with_file_name(format!("{}.{ending}", stem.unwrap_or_default().to_string_lossy()))
+        place.with_file_name(with_ending(stem.unwrap_or_default(), &format!(".{ending}")))
     }
 
     /// What the outputs say of a recording.
