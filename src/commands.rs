@@ -14,6 +14,7 @@ mod strip;
 mod summary;
 mod table;
 mod tail;
+mod text;
 mod topics;
 mod view;
 mod watch;
@@ -67,7 +68,11 @@ pub enum Code {
 impl Code {
     /// The code of an error, which is said here and nowhere else.
     pub fn of(error: &Error) -> Self {
-        tracing::error!("{error}");
+        match error {
+            // Asked for, and no fault.
+            Error::Stopped | Error::Paused => tracing::info!("{error}"),
+            error => tracing::error!("{error}"),
+        }
         match error {
             Error::Usage(_) | Error::Config(_) => Self::Usage,
             error if error.is_passing() => Self::Passing,

@@ -3,6 +3,7 @@
 use std::fmt::{Debug, Write as _};
 use std::io::Write as _;
 
+use console::Term;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::filter::Targets;
@@ -21,6 +22,15 @@ pub fn log_to_stderr(cli: &Cli) {
         _ => Level::INFO,
     };
     tracing_subscriber::registry().with(Stderr.with_filter(Targets::new().with_target("stillpoint", level))).init();
+}
+
+/// Columns that lines may take on a terminal; what is no terminal gets as many as are read with ease.
+pub fn columns(term: &Term) -> usize {
+    const EASY: usize = 100;
+    match term.size_checked() {
+        Some((_, columns)) if term.is_term() => usize::from(columns).clamp(40, 120),
+        _ => EASY,
+    }
 }
 
 struct Stderr;

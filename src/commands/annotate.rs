@@ -11,6 +11,7 @@ use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
 use super::progress::Progress;
+use super::text::Look;
 use super::{Code, configuration, import, name, print_json, reads, summary};
 use crate::cli;
 use crate::console::COMPOSED;
@@ -238,7 +239,8 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
     if report.damages > report.damage.len() as u64 {
         warn!("{} damages in all", report.damages);
     }
-    report.imus.iter().for_each(|imu| info!(target: COMPOSED, "{}", summary::imu(imu, earlier)));
+    let look = Look::of(&console::Term::stderr());
+    report.imus.iter().for_each(|imu| info!(target: COMPOSED, "{}", summary::imu(imu, earlier, look)));
     for output in outputs {
         match written {
             Written::Now => info!("wrote {}", output.display()),

@@ -8,6 +8,7 @@ use stillpoint::{Error, printable};
 
 use super::progress::Progress;
 use super::table::Table;
+use super::text::Look;
 use super::{Code, configuration, damaged, import, print, print_json, reads, summary, write};
 use crate::cli;
 
@@ -33,7 +34,8 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
             tracing::info!("wrote {}", output.display());
         }
     } else if !json {
-        let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier)).collect();
+        let look = Look::of(&console::Term::stdout());
+        let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier, look)).collect();
         let notes: String = data.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
         let text = format!("{}\n{notes}", text.join("\n\n"));
         // The summary is coloured for standard error; what is piped has no colours.
@@ -51,27 +53,29 @@ fn machine(timelines: &[Timeline], earlier: Option<&[Findings]>) -> Value {
     result
 }
 
-fn people(timeline: &Timeline, earlier: Option<&[Findings]>) -> String {
-    let mut lines = vec![summary::imu(&timeline.findings, earlier)];
-    lines.extend(bar(timeline));
-    lines.extend(rests(&timeline.findings));
+fn people(timeline: &Timeline, earlier: Option<&[Findings]>, look: Look) -> String {
+    let mut lines = vec![summary::imu(&timeline.findings, earlier, look)];
+    lines.extend(bar(timeline, look.columns.min(MOST_COLUMNS) - 2));
+    lines.extend(rests(&timeline.findings, look));
     lines.join("\n")
 }
 
+/// The bar is no wider.
+const MOST_COLUMNS: usize = 78;
+
 /// The recording as one line of blocks: rests on a face, rejected rests, motion.
-fn bar(timeline: &Timeline) -> Vec<String> {
-    const COLUMNS: usize = 76;
+fn bar(timeline: &Timeline, columns: usize) -> Vec<String> {
     let rests = &timeline.findings.rests;
     let Some((from, until)) = timeline.span().filter(|(from, until)| from < until && !rests.is_empty()) else {
         return Vec::new();
     };
     let seconds = until.seconds_since(from);
-    let mut marks = ['·'; COLUMNS];
-    let mut names = [' '; COLUMNS];
+    let mut marks = vec!['·'; columns];
+    let mut names = vec![' '; columns];
     let mut free_from = 0;
     for rest in rests.values() {
         let (start, end) = (report::seconds(&rest.start, from), report::seconds(&rest.end, from));
-        let column = |at: f64| ((at / seconds * COLUMNS as f64).max(0.0) as usize).min(COLUMNS - 1);
+        let column = |at: f64| ((at / seconds * columns as f64).max(0.0) as usize).min(columns - 1);
         let (first, last) = (column(start), column(end));
         let mark = if rest.accepted { '█' } else { '░' };
         marks.iter_mut().take(last + 1).skip(first).for_each(|place| *place = mark);
@@ -80,7 +84,7 @@ fn bar(timeline: &Timeline) -> Vec<String> {
             free_from = first + rest.face.chars().count() + 1;
         }
     }
-    let text = |letters: [char; COLUMNS]| letters.iter().collect::<String>();
+    let text = |letters: Vec<char>| letters.into_iter().collect::<String>();
     vec![
         format!("  {}", style(format!("{seconds:.0} s: █ rest on a face, ░ rejected, · motion")).dim()),
         format!("  {}", text(marks)),
@@ -89,7 +93,7 @@ fn bar(timeline: &Timeline) -> Vec<String> {
 }
 
 /// The accepted rests, as far as a terminal bears.
-fn rests(findings: &Findings) -> Vec<String> {
+fn rests(findings: &Findings, look: Look) -> Vec<String> {
     const LISTED: usize = 40;
     let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
     let known = accelerometer.and_then(report::calibration);
@@ -115,7 +119,7 @@ fn rests(findings: &Findings) -> Vec<String> {
         0 => Vec::new(),
         count => {
             let more = (count > LISTED).then(|| format!("  … and {} more", count - LISTED));
-            table.lines("  ").into_iter().chain(more).collect()
+            table.lines("  ", look.columns).into_iter().chain(more).collect()
         }
     }
 }

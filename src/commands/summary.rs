@@ -1,14 +1,15 @@
 //! What a person reads at the end: rests found, faces seen, the calibration with its uncertainty, what was refused and
 //! why, and what to do next.
 
-use console::{measure_text_width, style};
+use console::style;
 use stillpoint::messages::triad::Status;
-use stillpoint::messages::{Face, Segment, Triad, Vector3};
+use stillpoint::messages::{Face, Segment, Triad};
 use stillpoint::printable;
-use stillpoint::report::{Change, Findings, drift, estimate, model};
+use stillpoint::report::{Change, Findings, NearMiss, Weight, drift, estimate, model, weight};
 use stillpoint::still;
 
 use super::table::Table;
+use super::text::Look;
 
 /// Half the width of a 95 % interval, in standard deviations.
 const HALF: f64 = 1.96;
@@ -16,30 +17,39 @@ const HALF: f64 = 1.96;
 /// Rejected rests that are listed; there may be thousands.
 const LISTED: usize = 12;
 
+/// More of one reason are said in one line.
+const ALIKE: usize = 3;
+
 /// The findings of one IMU, on several lines; with the drift since an earlier calibration, if there is one.
-pub fn imu(findings: &Findings, earlier: Option<&[Findings]>) -> String {
+pub fn imu(findings: &Findings, earlier: Option<&[Findings]>, look: Look) -> String {
     let mut lines = vec![heading(findings), rests(findings)];
     if let Some(coverage) = &findings.coverage {
-        lines.extend(wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
+        lines.extend(look.wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
     }
-    lines.extend(calibration(findings));
-    lines.extend(earlier.iter().flat_map(|earlier| since(findings, earlier)));
-    lines.extend(rejected(findings));
-    if let Some(coverage) = &findings.coverage {
-        lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
+    lines.extend(calibration(findings, look));
+    lines.extend(earlier.iter().flat_map(|earlier| since(findings, earlier, look)));
+    lines.extend(rejected(findings, look));
+    lines.extend(near_misses(findings, look));
+    if findings.coverage.is_some() {
+        lines.extend(next(findings, look));
     }
     lines.join("\n")
 }
 
 /// One IMU while it is followed: as [`imu`], with its state instead of what was rejected.
-pub fn live(findings: &Findings, status: &still::Status) -> Vec<String> {
-    let mut lines = vec![format!("{}  {}", heading(findings), state(status)), rests(findings)];
+pub fn live(findings: &Findings, status: &still::Status, look: Look) -> Vec<String> {
+    let state = look.wrap(&format!("{}  ", heading(findings)), "  ", state(status).into_iter());
+    let mut lines: Vec<_> = state.into_iter().chain([rests(findings)]).collect();
     if let Some(coverage) = &findings.coverage {
-        lines.extend(wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
-        lines.extend(sentence(&format!("  {}     ", style("next").for_stderr().bold()), &coverage.next_step));
+        lines.extend(look.wrap("  faces    ", "   ", coverage.faces.iter().map(face)));
+        lines.extend(next(findings, look));
     }
-    lines.extend(calibration(findings));
+    lines.extend(calibration(findings, look));
     lines
+}
+
+fn next(findings: &Findings, look: Look) -> Vec<String> {
+    look.sentence(&format!("  {}     ", style("next").for_stderr().bold()), &findings.next_step())
 }
 
 /// Length of a rest, in seconds.
@@ -47,7 +57,7 @@ pub fn seconds(rest: &Segment) -> f64 {
     nanos(&rest.end).saturating_sub(nanos(&rest.start)) as f64 * 1e-9
 }
 
-fn state(status: &still::Status) -> String {
+fn state(status: &still::Status) -> [String; 2] {
     let state = match status.state {
         still::State::Unknown => style("UNKNOWN").for_stderr().yellow(),
         still::State::Moving => style("MOVING").for_stderr().cyan(),
@@ -56,12 +66,13 @@ fn state(status: &still::Status) -> String {
     let floor = |floor: Option<f64>, digits: usize, unit: &str| {
         floor.map_or_else(|| format!("none {unit}"), |floor| format!("{floor:.digits$} {unit}"))
     };
-    format!(
-        "{state}  {:.1} × the noise floor of {}, {}",
+    let level = format!(
+        "{:.1} × the noise floor of {}, {}",
         status.statistic,
         floor(status.accel_floor, 4, "m/s²"),
         floor(status.gyro_floor, 5, "rad/s")
-    )
+    );
+    [state.to_string(), level]
 }
 
 fn nanos(time: &Option<prost_types::Timestamp>) -> i64 {
@@ -91,34 +102,84 @@ fn face(face: &Face) -> String {
     }
 }
 
-fn calibration(findings: &Findings) -> Vec<String> {
-    let Some(calibration) = &findings.calibration else { return Vec::new() };
-    let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
+fn calibration(findings: &Findings, look: Look) -> Vec<String> {
+    if findings.calibration.is_none() {
+        return Vec::new();
+    }
+    let text = "measured = bias + S · true, scale is the diagonal of S; ± is half of a 95 % interval";
+    let mut lines = look
+        .sentence("  ", text)
+        .into_iter()
+        .map(|line| style(line).for_stderr().dim().to_string())
+        .collect::<Vec<_>>();
+    let inside = Look { columns: look.columns - 2, ..look };
     let mut table = Table::default();
-    for triad in triads {
+    for triad in findings.triads() {
         let unit = unit(&triad.sensor);
         table.heading(format!("{}  {}", printable(&triad.sensor), verdict(triad)));
         if let (Some(bias), Some(std)) = (&triad.bias, &triad.bias_std) {
-            table.row(row(&format!("  bias {unit}"), bias, std));
+            table.row(row(&format!("  bias {unit}"), [bias.x, bias.y, bias.z], [std.x, std.y, std.z]));
         }
-        if let (Some(scale), Some(std)) = (&triad.scale, &triad.scale_std) {
-            table.row(row("  scale", scale, std));
+        sensitivity(triad, &mut table);
+        let is_primary = triad.sensor == "accelerometer";
+        let mut says = |label: &str, text: &str| {
+            inside.sentence(&format!("  {label:<14}"), text).into_iter().for_each(|line| table.heading(line));
+        };
+        if let Some([before, after]) = findings.residuals().filter(|_| is_primary) {
+            says(
+                "observed",
+                &format!("‖a‖ at rest misses g by {after:.4} m/s² corrected, by {before:.3} as read (rms)"),
+            );
         }
         if let Some(worst) = triad.worst_case_error {
-            table.heading(format!("  corrected readings err by at most {worst:.3} m/s² (95 %)"));
+            says("not excluded", &format!("that a corrected reading errs by {worst:.3} m/s² in some direction (95 %)"));
         }
-        triad.notes.iter().flat_map(|note| sentence("  ", note)).for_each(|line| table.heading(line));
+        notes(triad, inside).into_iter().for_each(|line| table.heading(line));
     }
-    let mut lines = vec![style("  measured = bias + scale · true, with 95 % intervals").for_stderr().dim().to_string()];
-    lines.extend(table.lines("  "));
+    lines.extend(table.lines("  ", look.columns));
     lines
 }
 
+/// S as far as the model has it: its diagonal, or all of it.
+fn sensitivity(triad: &Triad, table: &mut Table) {
+    let (s, std) = (&triad.sensitivity, &triad.sensitivity_std);
+    let is_diagonal = s.iter().enumerate().all(|(i, entry)| i % 4 == 0 || *entry == 0.0);
+    match (&triad.scale, &triad.scale_std) {
+        (Some(scale), Some(std)) if is_diagonal => {
+            table.row(row("  scale", [scale.x, scale.y, scale.z], [std.x, std.y, std.z]));
+        }
+        _ if s.len() == 9 && !is_diagonal => {
+            for (i, name) in ["x", "y", "z"].iter().enumerate() {
+                let of = |all: &[f64]| [0, 1, 2].map(|j| all.get(3 * i + j).copied().unwrap_or_default());
+                table.row(row(&format!("  S, row {name}"), of(s), of(std)));
+            }
+        }
+        _ => {}
+    }
+}
+
+/// What is to be said of a triad: what speaks against it first, the background only if asked for, or if there is nothing
+/// else.
+fn notes(triad: &Triad, look: Look) -> Vec<String> {
+    let least = match triad.notes.iter().any(|note| weight(note) > Weight::Detail) {
+        true if !look.verbose => Weight::Hint,
+        _ if look.verbose || triad.status() == Status::Undetermined => Weight::Detail,
+        _ => Weight::Hint,
+    };
+    let mut notes: Vec<_> = triad.notes.iter().filter(|note| weight(note) >= least).collect();
+    notes.sort_by_key(|note| std::cmp::Reverse(weight(note)));
+    let line = |note: &String| match weight(note) {
+        Weight::Serious => look.sentence(&format!("  {} ", style("!").for_stderr().yellow()), note),
+        _ => look.sentence("  ", note),
+    };
+    notes.into_iter().flat_map(line).collect()
+}
+
 /// How far the sensors moved since an earlier calibration.
-fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
+fn since(findings: &Findings, earlier: &[Findings], look: Look) -> Vec<String> {
     let drifts = match drift(findings, earlier) {
         Ok(drifts) => drifts,
-        Err(why) => return sentence("  drift    ", &why),
+        Err(why) => return look.sentence("  drift    ", &why),
     };
     if drifts.is_empty() {
         return vec!["  drift    none can be told: no triad is determined now and then".to_owned()];
@@ -139,12 +200,14 @@ fn since(findings: &Findings, earlier: &[Findings]) -> Vec<String> {
         row(format!("  bias {}", unit(&drift.sensor)), &drift.bias);
         row("  scale".to_owned(), &drift.scale);
         if let Some(worst) = drift.worst {
-            table.heading(format!("  a reading corrected with the earlier one is off by up to {worst:.3} m/s²"));
+            let inside = Look { columns: look.columns - 2, ..look };
+            let text = format!("a reading corrected with the earlier one is off by up to {worst:.3} m/s²");
+            inside.sentence("  ", &text).into_iter().for_each(|line| table.heading(line));
         }
     }
-    let mut lines =
-        vec![style("  drift: now less the earlier calibration, with 95 % intervals").for_stderr().dim().to_string()];
-    lines.extend(table.lines("  "));
+    let text = "  drift: now less the earlier calibration, ± 95 %";
+    let mut lines = vec![style(text).for_stderr().dim().to_string()];
+    lines.extend(table.lines("  ", look.columns));
     lines
 }
 
@@ -165,50 +228,84 @@ fn verdict(triad: &Triad) -> String {
     }
 }
 
-fn row(name: &str, value: &Vector3, std: &Vector3) -> [String; 4] {
-    let values = [(value.x, std.x), (value.y, std.y), (value.z, std.z)].map(|(value, std)| estimate(value, HALF * std));
-    let [x, y, z] = values;
-    [name.to_owned(), x, y, z]
-}
-
-fn rejected(findings: &Findings) -> Vec<String> {
-    let origin = findings.rests.keys().next().copied().unwrap_or_default();
-    let line = |rest: &Segment| {
-        let (start, end) = (nanos(&rest.start), nanos(&rest.end));
-        let (at, long) = (start.saturating_sub(origin) as f64 * 1e-9, end.saturating_sub(start) as f64 * 1e-9);
-        sentence(&format!("  {at:>+7.1} s {long:>5.1} s {} ", rest.reason().as_str_name()), &rest.explanation)
+/// Three estimates; one without a deviation is fixed by the model.
+fn row(name: &str, values: [f64; 3], std: [f64; 3]) -> [String; 4] {
+    let cell = |(value, std): (f64, f64)| match std > 0.0 {
+        true => estimate(value, HALF * std),
+        false => format!("{value:.0} (fixed)"),
     };
-    let mut lines: Vec<_> = findings.rejected().take(LISTED).flat_map(line).collect();
-    let further = findings.rejected().count().saturating_sub(LISTED);
-    if further > 0 {
-        lines.push(format!("  … and {further} more"));
-    }
-    if !lines.is_empty() {
-        lines.insert(0, "  rejected, by time since the first rest and length".to_owned());
-    }
-    lines
+    let [(x, dx), (y, dy), (z, dz)] = [0, 1, 2].map(|i| (values[i], std[i]));
+    [name.to_owned(), cell((x, dx)), cell((y, dy)), cell((z, dz))]
 }
 
-fn sentence(label: &str, text: &str) -> Vec<String> {
-    wrap(label, " ", text.split_whitespace().map(|word| printable(word).into_owned()))
-}
-
-/// Words behind a label, on lines that a terminal of 100 columns holds.
-fn wrap(label: &str, space: &str, words: impl Iterator<Item = String>) -> Vec<String> {
-    /// Less the indent of a table.
-    const COLUMNS: usize = 98;
-    let indent = " ".repeat(measure_text_width(label));
-    let mut lines = vec![label.to_owned()];
-    for word in words {
-        let Some(line) = lines.last_mut() else { break };
-        let width = measure_text_width(line);
-        match width <= indent.len() {
-            true => line.push_str(&word),
-            false if width + space.len() + measure_text_width(&word) <= COLUMNS => line.extend([space, &word]),
-            false => lines.push(format!("{indent}{word}")),
+/// Rejected rests, those of one reason together.
+fn rejected(findings: &Findings, look: Look) -> Vec<String> {
+    let origin = findings.rests.keys().next().copied().unwrap_or_default();
+    let at = |rest: &Segment| nanos(&rest.start).saturating_sub(origin) as f64 * 1e-9;
+    let mut groups = Vec::<(String, Vec<&Segment>)>::new();
+    for rest in findings.rejected() {
+        let alike = format!("{} {}", rest.reason().as_str_name(), without_numbers(&rest.explanation));
+        match groups.iter_mut().find(|(known, _)| *known == alike) {
+            Some((_, rests)) => rests.push(rest),
+            None => groups.push((alike, vec![rest])),
         }
     }
-    lines
+    let line = |rest: &Segment| {
+        let label = format!("  {:>+7.1} s {:>5.1} s  ", at(rest), seconds(rest));
+        look.sentence(&label, &format!("{} {}", rest.reason().as_str_name(), rest.explanation))
+    };
+    // One line, or each on its own, in the order of time.
+    let mut lines = Vec::new();
+    for (_, rests) in &groups {
+        match rests.as_slice() {
+            [first, .., last] if rests.len() > ALIKE => {
+                let label = format!("  {:>+7.1} s to {:+.1} s  ", at(first), at(last));
+                let (count, reason) = (rests.len(), first.reason().as_str_name());
+                let text = format!("{count} rests {reason}, the first: {}", first.explanation);
+                lines.push((at(first), look.sentence(&label, &text)));
+            }
+            few => lines.extend(few.iter().map(|rest| (at(rest), line(rest)))),
+        }
+    }
+    lines.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let further = lines.len().saturating_sub(LISTED);
+    let mut said: Vec<_> = lines.into_iter().take(LISTED).flat_map(|(_, lines)| lines).collect();
+    if further > 0 {
+        said.push(format!("  … and {further} more"));
+    }
+    if !said.is_empty() {
+        said.insert(0, "  rejected, by time since the first rest and length".to_owned());
+    }
+    said
+}
+
+/// A text with its numbers taken out, by which texts of one kind are alike.
+fn without_numbers(text: &str) -> String {
+    text.split(|c: char| c.is_ascii_digit() || c == '.').collect()
+}
+
+/// Spans that were nearly rests, where more rests would help.
+fn near_misses(findings: &Findings, look: Look) -> Vec<String> {
+    const NAMED: usize = 6;
+    let (misses, Some(advice)) = (&findings.near_misses, findings.near_misses.advice()) else { return Vec::new() };
+    if findings.is_done() && !look.verbose {
+        return Vec::new();
+    }
+    let origin = findings.rests.keys().next().copied().or(misses.iter().next().map(|miss| miss.start));
+    let origin = origin.unwrap_or_default();
+    let one = |miss: &NearMiss| {
+        let at = |stamp: i64| stamp.saturating_sub(origin) as f64 * 1e-9;
+        format!("{:+.1} s ({:.1} for {:.0} s)", at(miss.start), miss.lowest, (at(miss.end) - at(miss.start)).max(1.0))
+    };
+    let named: Vec<_> = misses.iter().take(NAMED).map(one).collect();
+    let further = misses.count() - named.len();
+    let more = if further > 0 { format!(" and {further} more") } else { String::new() };
+    let below = misses.iter().next().map_or(0.0, |miss| miss.enter);
+    let text = format!(
+        "nearly still, in noise floors where {below} are asked: {}{more}. To take them: {advice}",
+        named.join(", ")
+    );
+    look.sentence("  missed   ", &text)
 }
 
 #[cfg(test)]
@@ -216,12 +313,7 @@ mod tests {
     use super::*;
     use stillpoint::messages::Coverage;
 
-    #[test]
-    fn long_sentences_hang_behind_their_label() {
-        let lines = sentence("  next  ", &"word ".repeat(40));
-        assert!(lines.len() > 1 && lines.iter().all(|line| line.len() <= 100));
-        assert!(lines[0].starts_with("  next  word word") && lines[1].starts_with("        word word"));
-    }
+    const LOOK: Look = Look { columns: 100, verbose: false };
 
     #[test]
     fn a_missing_face_and_the_next_step_are_said() {
@@ -229,7 +321,44 @@ mod tests {
         let faces = faces.map(|(name, placements)| Face { name: name.into(), placements, seconds: 3.0, normal: None });
         let coverage = Coverage { faces: faces.to_vec(), next_step: "turn it".into(), ..Coverage::default() };
         let findings = Findings { coverage: Some(coverage), ..Findings::new("/imu", "/imu") };
-        let text = console::strip_ansi_codes(&imu(&findings, None)).into_owned();
+        let text = console::strip_ansi_codes(&imu(&findings, None, LOOK)).into_owned();
         assert_eq!(text, "/imu\n  rests    none found\n  faces    +X 2× 3.0 s   -X missing\n  next     turn it");
+    }
+
+    #[test]
+    fn rests_that_were_rejected_for_one_reason_are_one_line() {
+        let mut findings = Findings::new("/imu", "/imu");
+        for i in 0..9 {
+            let stamp = |seconds| Some(prost_types::Timestamp { seconds, nanos: 0 });
+            let explanation = format!("reads 1.0{i} m/s² at rest, where gravity is 9.81: it is in g");
+            let (start, end) = (stamp(4 * i), stamp(4 * i + 2));
+            findings.rests.insert(i, Segment { start, end, explanation, ..Segment::default() });
+        }
+        let lines = rejected(&findings, LOOK);
+        assert_eq!(lines.len(), 3, "{lines:?}");
+        assert!(lines[1].contains("+0.0 s to +32.0 s  9 rests") && lines[1].contains("the first: reads 1.00 m/s²"));
+        findings.rests.retain(|key, _| *key < 2);
+        assert_eq!(rejected(&findings, Look { columns: 120, verbose: false }).len(), 3, "two stand on their own");
+    }
+
+    #[test]
+    fn every_entry_of_a_triangular_s_is_shown_and_the_background_is_asked_for() {
+        let refused = "full is not determined: no reference";
+        let triad = Triad {
+            sensor: "accelerometer".into(),
+            status: Status::Confirmed.into(),
+            sensitivity: vec![1.0, 0.0, 0.0, 0.012, 1.0, 0.0, 0.0, -0.034, 1.0],
+            sensitivity_std: vec![0.01, 0.0, 0.0, 0.01, 0.01, 0.0, 0.01, 0.01, 0.01],
+            notes: vec![refused.into(), "misses gravity by 104°".into()],
+            ..Triad::default()
+        };
+        let found = stillpoint::messages::Calibration { accelerometer: Some(triad), ..Default::default() };
+        let findings = Findings { calibration: Some(found), ..Findings::new("/imu", "/imu") };
+        let text = |verbose| imu(&findings, None, Look { columns: 100, verbose });
+        for entry in ["0.012 ± 0.020", "-0.034 ± 0.020", "0 (fixed)", "! misses gravity by 104°"] {
+            assert!(console::strip_ansi_codes(&text(false)).contains(entry), "{entry} is not in {}", text(false));
+        }
+        assert!(!text(false).contains(refused) && text(true).contains(refused));
+        assert!(!findings.is_done());
     }
 }

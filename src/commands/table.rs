@@ -22,8 +22,8 @@ impl Table {
         self.0.push(Row::Cells(cells.into_iter().collect()));
     }
 
-    /// One line a row, each behind `indent`.
-    pub fn lines(&self, indent: &str) -> Vec<String> {
+    /// One line a row, each behind `indent`; where the columns do not fit, the cells of a row stand below each other.
+    pub fn lines(&self, indent: &str, columns: usize) -> Vec<String> {
         let mut widths = Vec::new();
         for row in &self.0 {
             let Row::Cells(cells) = row else { continue };
@@ -32,7 +32,15 @@ impl Table {
                 *width = measure_text_width(cell).max(*width);
             }
         }
-        self.0.iter().map(|row| format!("{indent}{}", row.line(&widths))).collect()
+        let width = indent.len() + widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1);
+        let line = |row: &Row| match row {
+            Row::Cells(cells) if width > columns => {
+                let behind = cells.iter().skip(1).map(|cell| format!("{indent}    {}", cell.trim_start()));
+                cells.iter().take(1).map(|cell| format!("{indent}{cell}")).chain(behind).collect()
+            }
+            row => vec![format!("{indent}{}", row.line(&widths))],
+        };
+        self.0.iter().flat_map(line).collect()
     }
 }
 
@@ -64,7 +72,8 @@ mod tests {
         table.row(["bias m/s²".into(), "1".into()]);
         table.row(["x".into(), "\u{1b}[32m22\u{1b}[0m".into()]);
         table.heading("of its own width, however long".into());
-        assert_eq!(table.lines("  ").pop().unwrap(), "  of its own width, however long");
-        assert_eq!(table.lines("  ")[..2], ["  bias m/s²   1", "  x          \u{1b}[32m22\u{1b}[0m"]);
+        assert_eq!(table.lines("  ", 80).pop().unwrap(), "  of its own width, however long");
+        assert_eq!(table.lines("  ", 80)[..2], ["  bias m/s²   1", "  x          \u{1b}[32m22\u{1b}[0m"]);
+        assert_eq!(table.lines("  ", 14)[..2], ["  bias m/s²", "      1"], "one too narrow");
     }
 }

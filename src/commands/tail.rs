@@ -49,8 +49,12 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
             view.show(&news);
         }
     };
-    let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut tell)?;
+    let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut tell);
+    if matches!(tailed, Err(Error::Stopped | Error::Paused)) {
+        view.leave();
+    }
     drop(view);
+    let tailed = tailed?;
     failed.map_or(Ok(()), Err)?;
     if json {
         let mut result = result(&args.input, &tailed.output, &tailed.report, earlier.as_deref());

@@ -1,6 +1,6 @@
 //! `stillpoint topics`: what could be calibrated in a recording, and why not the rest.
 
-use console::style;
+use console::{Term, style};
 use serde_json::{Value, json};
 use stillpoint::imu::{ChannelRole, ImuConfig};
 use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
@@ -68,7 +68,10 @@ fn people(channels: &Channels) -> String {
             table.heading(format!("    {}", style(said(remark)).yellow()));
         }
     }
-    let mut lines = table.lines("");
+    let term = Term::stdout();
+    // What is piped is cut and searched line by line.
+    let columns = if term.is_term() { crate::console::columns(&term) } else { usize::MAX };
+    let mut lines = table.lines("", columns);
     for used in &channels.channels {
         if let Some(imu) = &used.configuration {
             lines.push(String::new());

@@ -13,6 +13,7 @@ use stillpoint::run::{Ending, News, Progress};
 use tracing::{info, warn};
 
 use super::summary;
+use super::text::Look;
 
 /// Between two drawings; people read no faster.
 const FRAME: Duration = Duration::from_millis(150);
@@ -51,7 +52,10 @@ impl View {
             News::Split(file) => self.say(|name| info!("{name}: goes on in {file}")),
             News::Trouble(what) => self.say(|name| warn!("{name}: {what}")),
             News::Annotation { event, .. } if self.term.is_none() => line(&event.message),
-            News::Imu { findings, status } if self.is_due() => self.lines.extend(summary::live(findings, status)),
+            News::Imu { findings, status } if self.is_due() => {
+                let look = Look::of(&Term::stderr());
+                self.lines.extend(summary::live(findings, status, look));
+            }
             News::Read(progress) if self.is_due() => self.draw(progress),
             News::Ended(ending) => {
                 self.clear();
@@ -76,6 +80,11 @@ impl View {
             // Nobody is left to tell if the terminal is gone.
             let _ = term.clear_last_lines(std::mem::take(&mut self.drawn));
         }
+    }
+
+    /// Leaves the drawing where it is: it is the last that will be known.
+    pub fn leave(&mut self) {
+        self.drawn = 0;
     }
 
     fn is_due(&self) -> bool {

@@ -8,7 +8,7 @@ use stillpoint::Error;
 use stillpoint::config::Config;
 use stillpoint::run::{self, Following, Metrics, News, Options, Stop, Verdict, Watching};
 use tokio::signal::unix::{SignalKind, signal};
-use tracing::{error, info, warn};
+use tracing::{debug, error, info, warn};
 
 use super::{Code, configuration, print_json};
 use crate::cli;
@@ -62,6 +62,8 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
 fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
     let name = path.display();
     match verdict {
+        Verdict::Begun(false) => info!("{name}: is being recorded; following it"),
+        Verdict::Begun(true) => debug!("{name}: is finished; annotating it"),
         Verdict::Annotated(tailed) => {
             let rests: usize = tailed.report.imus.iter().map(|imu| imu.rests.len()).sum();
             let calibrated = tailed.report.imus.iter().filter(|imu| imu.is_calibrated()).count();
@@ -78,6 +80,7 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
     }
     if json {
         let event = match verdict {
+            Verdict::Begun(_) => return,
             Verdict::Annotated(tailed) => {
                 let mut event = super::annotate::result(path, &tailed.output, &tailed.report, None);
                 event["event"] = "annotated".into();

@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 
 use crate::engine::{Event, Message};
 use crate::messages::triad::Status;
-use crate::messages::{Calibration, Coverage, Noise, Segment, Turn};
+use crate::messages::{Calibration, Coverage, Noise, Segment, Triad, Turn};
+
+use super::{NearMisses, Weight, calibration, vector, weight};
 
 /// What is known of one IMU.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +29,8 @@ pub struct Findings {
     pub coverage: Option<Coverage>,
     /// The calibration, if one was published.
     pub calibration: Option<Calibration>,
+    /// Spans that were nearly rests.
+    pub near_misses: NearMisses,
 }
 
 impl Findings {
@@ -47,7 +51,8 @@ impl Findings {
             Message::Noise(noise) => self.noise = Some(noise.clone()),
             Message::Coverage(coverage) => self.coverage = Some(coverage.clone()),
             Message::Calibration(calibration) => self.calibration = Some((**calibration).clone()),
-            Message::Stillness(_) | Message::Log(_) => {}
+            Message::Stillness(stillness) => self.near_misses.note(stillness),
+            Message::Log(_) => {}
         }
     }
 
@@ -67,6 +72,51 @@ impl Findings {
         accelerometer.is_some_and(|triad| triad.status() != Status::Undetermined)
     }
 
+    /// Every triad that the calibration speaks of, the accelerometer first.
+    pub fn triads(&self) -> impl Iterator<Item = &Triad> {
+        let found = self.calibration.iter();
+        found.flat_map(|found| found.accelerometer.iter().chain(&found.gyroscope).chain(&found.secondary))
+    }
+
+    /// Whether nothing is left to do: all that was calibrated is confirmed, and nothing speaks against it.
+    pub fn is_done(&self) -> bool {
+        let is_good = |triad: &Triad| triad.status() == Status::Confirmed && serious(triad).is_none();
+        self.is_calibrated() && self.triads().all(is_good)
+    }
+
+    /// What to do next. What speaks against the calibration, or is not confirmed, comes before being done.
+    pub fn next_step(&self) -> String {
+        let said = self.coverage.as_ref().map(|coverage| coverage.next_step.as_str()).filter(|step| !step.is_empty());
+        let said = said.unwrap_or("record the sensor at rest, each face up in turn");
+        if self.is_done() || !said.starts_with("done") {
+            return said.to_owned();
+        }
+        if let Some(note) = self.triads().find_map(serious) {
+            return note.to_owned();
+        }
+        let open: Vec<_> = self.triads().filter(|triad| triad.status() != Status::Confirmed).collect();
+        let names: Vec<_> = open.iter().map(|triad| format!("the {}", triad.sensor)).collect();
+        let why = open.iter().find_map(|triad| triad.notes.iter().find(|note| weight(note) != Weight::Detail));
+        let why = why.map_or_else(|| "let it rest a few times more, for some seconds each".to_owned(), Clone::clone);
+        format!("{} is not confirmed yet: {why}", names.join(" and "))
+    }
+
+    /// Root mean square of ‖a‖ − g over the accepted rests, as read and corrected, m/s²; the accelerometer's.
+    pub fn residuals(&self) -> Option<[f64; 2]> {
+        let found = self.calibration.as_ref()?;
+        let known = calibration(found.accelerometer.as_ref()?)?;
+        let (mut squares, mut count) = ([0.0; 2], 0.0);
+        for rest in self.rests.values().filter(|rest| rest.accepted) {
+            let mean =
+                rest.means.iter().find(|mean| mean.sensor == "accelerometer").and_then(|mean| mean.mean.as_ref());
+            let Some(mean) = mean.map(vector) else { continue };
+            let off = [mean.norm(), known.correct(&mean).norm()].map(|length| length - found.gravity);
+            squares = [0, 1].map(|i| squares[i] + off[i] * off[i]);
+            count += 1.0;
+        }
+        (count > 0.0).then(|| squares.map(|sum| f64::sqrt(sum / count)))
+    }
+
     /// Why the accelerometer was not calibrated, if it was not.
     pub fn reason(&self) -> Option<&str> {
         if self.is_calibrated() {
@@ -77,4 +127,9 @@ impl Findings {
         note.or_else(|| self.coverage.as_ref().map(|coverage| coverage.next_step.as_str()))
             .or(Some("no rest was found"))
     }
+}
+
+/// The first note that speaks against a triad.
+fn serious(triad: &Triad) -> Option<&str> {
+    triad.notes.iter().map(String::as_str).find(|note| weight(note) == Weight::Serious)
 }

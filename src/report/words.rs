@@ -21,6 +21,48 @@ pub(super) fn model_named(name: &str) -> Option<Model> {
     all.into_iter().find(|&candidate| model(candidate) == Some(name))
 }
 
+/// How much a note bears on whether a calibration can be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Weight {
+    /// Background: which richer models were refused, and what a number includes.
+    Detail,
+    /// What would make it better.
+    Hint,
+    /// What speaks against it.
+    Serious,
+}
+
+/// The weight of a note. One that is not known speaks against a calibration until somebody reads it.
+pub fn weight(note: &str) -> Weight {
+    const DETAILS: [&str; 5] = [
+        "no sensitivity from turns: ",
+        "sensitivity from ",
+        "worst_case_error allows for ",
+        "no correction within its bars",
+        "imported: ",
+    ];
+    const HINTS: [&str; 10] = [
+        "gravity ",
+        "with each face seen once",
+        "with as many placements as unknowns",
+        "without one of the turns",
+        "the noise is below half a step",
+        "the first rest reads −g",
+        "waits for ",
+        "not seen at rest: ",
+        "its bias is not known",
+        "the rests so far are too short",
+    ];
+    let refused = note.split_once(" is not determined: ").is_some_and(|(name, _)| model_named(name).is_some());
+    match note {
+        _ if refused || DETAILS.iter().any(|begin| note.starts_with(begin)) => Weight::Detail,
+        _ if HINTS.iter().any(|begin| note.starts_with(begin)) => Weight::Hint,
+        // Bad rests were left out, good ones remain.
+        _ if note.ends_with("to confirm its bias") || note.ends_with("left out") => Weight::Hint,
+        _ => Weight::Serious,
+    }
+}
+
 /// `value ± deviation` with as many decimals as the deviation, or an interval's half, gives meaning: two of its digits.
 pub fn estimate(value: f64, std: f64) -> String {
     let decimals = match std {
@@ -39,6 +81,24 @@ mod tests {
         assert_eq!(estimate(0.535_04, 0.005_9), "0.5350 ± 0.0059");
         assert_eq!(estimate(-7.946, 0.012), "-7.946 ± 0.012");
         assert_eq!(estimate(12.0, 34.0), "12 ± 34");
+    }
+
+    #[test]
+    fn what_is_not_known_to_be_harmless_is_serious() {
+        for (note, expected) in [
+            ("triangular is not determined: 9 placements in spread directions are needed, 4 seen", Weight::Detail),
+            ("no sensitivity from turns: more turns, about all axes", Weight::Detail),
+            ("gravity 9.80665 ± 0.0400 m/s², assumed: set fit.gravity", Weight::Hint),
+            ("turn 3 contradicts the others by 4.0°: left out", Weight::Hint),
+            (
+                "the gyroscope's z axis is flipped: gravity turns between rests against what the rates say",
+                Weight::Serious,
+            ),
+            ("the moon is not determined: ask somebody", Weight::Serious),
+            ("something new", Weight::Serious),
+        ] {
+            assert_eq!(weight(note), expected, "{note}");
+        }
     }
 
     #[test]

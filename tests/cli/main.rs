@@ -17,4 +17,5 @@ mod results;
 mod rooms;
 mod rosbag2;
 mod shell;
+mod terminal;
 mod topics;

@@ -31,6 +31,8 @@ const DEATHS: u32 = 4;
 /// What became of a recording.
 #[derive(Debug)]
 pub enum Verdict<'a> {
+    /// Work on it begins; whether its recorder has finished it.
+    Begun(bool),
     /// It was annotated.
     Annotated(&'a Tailed),
     /// It cannot be annotated, and is left alone until it changes.
@@ -100,6 +102,7 @@ pub fn watch(
                     }
                 };
                 metrics.begin(&path, stop);
+                (watcher.tell)(&path, Verdict::Begun(finished));
                 if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, work) {
                     let result = Err(Error::io("work on", &path)(error));
                     watcher.finish(Finished { path, result });

@@ -1,0 +1,111 @@
+//! Spans in which a sensor was nearly at rest: quiet, but not as quiet, or not for as long, as a rest has to be.
+
+use super::nanos;
+use crate::messages::Stillness;
+use crate::messages::stillness::State;
+
+/// Spans that are kept; a recording of vibration has no end of them.
+const KEPT: usize = 100;
+
+/// A span that was nearly a rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearMiss {
+    /// First stamp that was nearly still, ns.
+    pub start: i64,
+    /// Last one, ns.
+    pub end: i64,
+    /// Lowest statistic, in noise floors.
+    pub lowest: f64,
+    /// What it would have had to fall below.
+    pub enter: f64,
+}
+
+/// Near misses as the states of an IMU tell them, in order of time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NearMisses {
+    all: Vec<NearMiss>,
+    further: usize,
+    /// One that may yet become a rest.
+    open: Option<NearMiss>,
+}
+
+impl NearMisses {
+    /// Takes the next state in. What ends in a rest was none, nor is what swings on past the threshold that it left.
+    pub(super) fn note(&mut self, said: &Stillness) {
+        let stamp = said.header.as_ref().map(|header| nanos(&header.stamp)).unwrap_or_default();
+        let Stillness { statistic, enter, leave, .. } = *said;
+        match said.state() {
+            State::Moving if statistic < leave => {
+                let open = self.open.get_or_insert(NearMiss { start: stamp, end: stamp, lowest: statistic, enter });
+                open.end = stamp;
+                open.lowest = open.lowest.min(statistic);
+            }
+            State::Moving => match self.open.take() {
+                Some(miss) if self.all.len() < KEPT => self.all.push(miss),
+                Some(_) => self.further += 1,
+                None => {}
+            },
+            _ => self.open = None,
+        }
+    }
+
+    /// Those that are kept.
+    pub fn iter(&self) -> impl Iterator<Item = &NearMiss> {
+        self.all.iter()
+    }
+
+    /// How many there were.
+    pub fn count(&self) -> usize {
+        self.all.len() + self.further
+    }
+
+    /// What would take half of them or more, as a sentence; `None` without any.
+    pub fn advice(&self) -> Option<String> {
+        let mut lowest: Vec<_> = self.all.iter().map(|miss| miss.lowest).collect();
+        lowest.sort_by(f64::total_cmp);
+        let middle = lowest.get(lowest.len() / 2)?;
+        let enter = (middle * 2.0).floor() / 2.0 + 0.5;
+        Some(format!(
+            "hold it against something firm, or set it down; if it vibrates by nature, --set still.enter={enter} \
+             --set still.leave={} takes them",
+            enter + 2.0
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::Header;
+
+    fn misses(states: &[(State, f64)]) -> NearMisses {
+        let mut misses = NearMisses::default();
+        for (second, (state, statistic)) in states.iter().enumerate() {
+            let stamp = prost_types::Timestamp { seconds: second as i64, nanos: 0 };
+            let header = Some(Header { stamp: Some(stamp), frame_id: String::new() });
+            let said = Stillness { header, state: (*state).into(), statistic: *statistic, enter: 3.0, leave: 5.0 };
+            misses.note(&said);
+        }
+        misses
+    }
+
+    #[test]
+    fn a_plateau_between_the_thresholds_is_one_and_what_became_a_rest_is_none() {
+        use State::{Moving, Still, Unknown};
+        let quiet = [(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 90.0)];
+        let found = misses(&quiet);
+        let second = 1_000_000_000;
+        let expected = NearMiss { start: second, end: 2 * second, lowest: 3.6, enter: 3.0 };
+        assert_eq!(found.iter().copied().collect::<Vec<_>>(), [expected]);
+        assert!(found.advice().unwrap().contains("still.enter=4 --set still.leave=6"));
+        for other in [
+            &[(Moving, 90.0), (Moving, 4.1), (Still, 1.0), (Moving, 90.0)][..],
+            &[(Moving, 90.0), (Moving, 5.5), (Moving, 90.0)],
+            &[(Unknown, 4.0), (Unknown, f64::NAN), (Moving, 90.0)],
+        ] {
+            assert_eq!((misses(other).count(), misses(other).advice()), (0, None), "{other:?}");
+        }
+        let many: Vec<_> = (0..KEPT + 5).flat_map(|_| quiet).collect();
+        assert_eq!((misses(&many).count(), misses(&many).iter().count()), (KEPT + 5, KEPT));
+    }
+}
