@@ -49,6 +49,7 @@ mod solution;
 mod solve;
 mod status;
 mod turn_outcome;
+mod turn_verdict;
 mod turning;
 
 use std::collections::BTreeSet;
@@ -66,6 +67,7 @@ use self::reference::Reference;
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
 use self::solution::Solution;
+use self::turn_verdict::TurnsTold;
 use crate::Stamp;
 use crate::fit::{Fixture, Place};
 use crate::imu::{Sample, Sensor};
@@ -84,6 +86,7 @@ pub struct Engine {
     history: RestHistory,
     gate: ChangeGate,
     turns: History,
+    turns_told: TurnsTold,
     noise: Noise,
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
@@ -106,6 +109,7 @@ impl Engine {
             history: RestHistory::default(),
             gate: ChangeGate::default(),
             turns: History::default(),
+            turns_told: TurnsTold::default(),
             noise: Noise::default(),
             reported: BTreeSet::new(),
             last_stillness: None,
@@ -225,13 +229,13 @@ impl Engine {
 
     /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
+        let gyro_range = self.gyro_range();
         let Self { config, fixture, segmenter, history, gate, turns, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         // The stream tells its step; of one that never rests on neighbouring values the datasheet does.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
         let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
-        let gyro_range = config.preset.and_then(|preset| Some(preset.datasheet().gyroscope.as_ref()?.range));
         let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
         solution.faults = fault_detection::detect(segmenter, history.entries(), turns, config.preset, &solution);
@@ -239,7 +243,12 @@ impl Engine {
         solution
     }
 
-    /// Says what has changed: segments, then coverage, then calibration.
+    /// Of the preset, rad/s.
+    fn gyro_range(&self) -> Option<f64> {
+        self.config.preset.and_then(|preset| Some(preset.datasheet().gyroscope.as_ref()?.range))
+    }
+
+    /// Says what has changed: segments, then turns, coverage, calibration.
     fn publish(&mut self, solution: &Solution, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         let header = publication::header(stamp, &self.config.frame_id);
         let event = |message| Event { log_time, message };
@@ -255,6 +264,10 @@ impl Engine {
             }
             events.push(event(Message::Segment(segment)));
         }
+        let noise = observations::gyroscope_noise(&self.segmenter);
+        let (entries, range) = (self.history.entries(), self.gyro_range());
+        let turns = self.turns_told.news(&header, &self.turns, entries, solution, noise, range);
+        events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries()));
         let coverage = publication::coverage(header.clone(), &self.history, &self.fixture, solution, obstacle);

@@ -16,6 +16,6 @@ mod timebase;
 pub use history::{History, Passage};
 pub use leg::{Leg, Turn, Unusable};
 pub use piece::{Candidate, Piece};
-pub use prediction::{Ends, Prediction, follow, predict};
+pub use prediction::{Ends, Motion, Prediction, follow, motion, predict};
 pub use preintegrator::{Limit, Preintegrator, Stretch};
 pub use rotation::{exp, right_jacobian};

@@ -240,31 +240,6 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
         scale_std: Some(vector(&sensitivity_std.diagonal())),
         sensitivity: row_major(&calibration.sensitivity),
         sensitivity_std: row_major(&sensitivity_std),
-        ..with_geometry(triad, fit)
-    }
-}
-
-/// The lengths of the rows of S, which do not depend on how the frame is laid into the sensor, and by which angles the axes
-/// lean.
-fn with_geometry(triad: Triad, fit: &Estimate) -> Triad {
-    let sensitivity = fit.calibration().sensitivity;
-    let place = |row, column| fit.shape.terms().iter().position(|term| *term == Term::Own(row, column));
-    let covariance = |a: (usize, usize), b: (usize, usize)| match (place(a.0, a.1), place(b.0, b.1)) {
-        (Some(i), Some(j)) => fit.covariance[(i, j)],
-        _ => 0.0,
-    };
-    let norms = Vector3::from_fn(|row, _| sensitivity.row(row).norm());
-    let norm_std = Vector3::from_fn(|row, _| {
-        let by = |column: usize| sensitivity[(row, column)] / norms[row];
-        let pairs = (0..9).map(|k| (k / 3, k % 3));
-        pairs.map(|(i, j)| by(i) * by(j) * covariance((row, i), (row, j))).sum::<f64>().max(0.0).sqrt()
-    });
-    let off = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
-    Triad {
-        row_norms: Some(vector(&norms)),
-        row_norms_std: Some(vector(&norm_std)),
-        misalignment: off.iter().map(|&(row, column)| sensitivity[(row, column)] / norms[row]).collect(),
-        misalignment_std: off.iter().map(|&at| covariance(at, at).max(0.0).sqrt() / norms[at.0]).collect(),
         ..triad
     }
 }
@@ -335,7 +310,7 @@ fn triad_mean(sensor: &str, mean: &TriadMean) -> messages::TriadMean {
     }
 }
 
-fn vector(v: &Vector3<f64>) -> messages::Vector3 {
+pub(super) fn vector(v: &Vector3<f64>) -> messages::Vector3 {
     messages::Vector3 { x: v.x, y: v.y, z: v.z }
 }
 

@@ -37,13 +37,6 @@ impl Turning {
             Err(why) => remarks.push(format!("no sensitivity from turns: {why}")),
         }
         for (why, count) in &self.unusable {
-            let why = match why {
-                Unusable::Gap => "readings are missing",
-                Unusable::Stamps => "the stamps break",
-                Unusable::Clipped => "the rate reached the end of the range: turn it more slowly, or set a wider range",
-                Unusable::TooLong => "it lasted more than 20 s",
-                Unusable::Forgotten => "it was too long ago to be remembered",
-            };
             remarks.push(format!("{count} turns do not count: {why}"));
         }
         remarks

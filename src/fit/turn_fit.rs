@@ -410,7 +410,8 @@ impl<'a> TurnSolution<'a> {
         let mut found = Self { given, at, kept: kept.to_vec(), equations: Vec::new(), level: AS_ASSUMED };
         for round in 0..ROUNDS {
             found.equations = linearise(session, given, by_up, &found.at);
-            if round > 0 {
+            if round == 1 {
+                // What is left over by now is no fault of the linearisation.
                 found.level = found.find_level().ok_or(TooLittle::Unsolved)?;
             }
             let solved = found.solve(found.level, None).ok_or(TooLittle::Unsolved)?;
@@ -427,8 +428,13 @@ impl<'a> TurnSolution<'a> {
 
     /// The weights at which χ² is as large as its degrees of freedom.
     fn find_level(&self) -> Option<Level> {
-        const STEPS: usize = 10;
-        let over = |level: Level| self.solve(level, None).map(|solved| solved.squares - solved.freedom);
+        const STEPS: usize = 12;
+        /// Of a logarithm: weights that are off by this change no digit that is shown.
+        const NEAR: f64 = 1e-3;
+        let over = |level: Level| {
+            self.solve(level, None)
+                .map(|solved| libm::log(solved.squares.max(f64::MIN_POSITIVE) / solved.freedom.max(1e-3)))
+        };
         let scaled = |log: f64| Level { share: libm::exp(log), added: 0.0 };
         let added = |log: f64| Level { share: 1.0, added: libm::exp(2.0 * log) };
         // From a hundredth of a mrad to more than anybody errs by; or from next to nothing to all that is assumed.
@@ -436,12 +442,30 @@ impl<'a> TurnSolution<'a> {
             true => (&added, libm::log(1e-5), libm::log(0.3)),
             false => (&scaled, libm::log(1e-3), 0.0),
         };
+        // Regula falsi, in its Illinois variant (Dowell & Jarratt, BIT 1971): the logarithms are nearly linear.
+        let (mut above, mut below) = (over(of(low))?, over(of(high))?);
+        let mut middle = if above > 0.0 { high } else { low };
+        let mut side = 0;
         for _ in 0..STEPS {
-            let middle = (low + high) / 2.0;
-            let side = if over(of(middle))? > 0.0 { &mut low } else { &mut high };
-            *side = middle;
+            if above <= 0.0 || below >= 0.0 || high - low < NEAR {
+                break;
+            }
+            middle = (low * below - high * above) / (below - above);
+            let at = over(of(middle))?;
+            if at.abs() < NEAR {
+                break;
+            }
+            if at > 0.0 {
+                (low, above) = (middle, at);
+                below = if side == 1 { below / 2.0 } else { below };
+                side = 1;
+            } else {
+                (high, below) = (middle, at);
+                above = if side == -1 { above / 2.0 } else { above };
+                side = -1;
+            }
         }
-        Some(of((low + high) / 2.0))
+        Some(of(middle))
     }
 
     /// Residuals and their derivatives, weighted so that their errors are independent and of unit variance; turn by turn.
@@ -486,7 +510,8 @@ impl<'a> TurnSolution<'a> {
         let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
         let covariance = factor.inverse();
         let squares = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
-        let known = (covariance * information).trace();
+        // What the prior does not make known: tr(P I) = n - tr(P Λ).
+        let known = UNKNOWNS as f64 - covariance.dot(&self.given.prior);
         Some(SolvedTurns { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
     }
 

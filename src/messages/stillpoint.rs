@@ -257,6 +257,7 @@ pub struct Turn {
     /// angle between gravity as predicted and as read in the rest after
     #[prost(double, optional, tag = "5")]
     pub residual: ::core::option::Option<f64>,
+    /// whether it is in the calibration; without it USED says that the turns together still say too little
     #[prost(bool, tag = "6")]
     pub used: bool,
     #[prost(enumeration = "turn::Reason", tag = "7")]
@@ -284,9 +285,19 @@ pub struct Turn {
     pub before: u32,
     #[prost(uint32, tag = "15")]
     pub after: u32,
+    /// What the fit is made of, so that turns of several recordings add up: duration in s, variance of the angle about an axis
+    /// by what is faster than the samples in rad^2, and the integrals of the raw rates over its pieces, ten numbers each:
+    /// x, y, z of the angle (rad), of the coning (rad^2), and of the integral of (2t - T) rate (rad s), and T (s).
+    #[prost(double, tag = "16")]
+    pub seconds: f64,
+    #[prost(double, tag = "17")]
+    pub roughness: f64,
+    #[prost(double, repeated, tag = "18")]
+    pub integrals: ::prost::alloc::vec::Vec<f64>,
 }
 /// Nested message and enum types in `Turn`.
 pub mod turn {
+    #[derive(serde::Serialize, serde::Deserialize)]
     #[derive(
         Clone,
         Copy,

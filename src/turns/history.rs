@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::leg::{Leg, Turn};
 use super::piece::Candidate;
-use super::prediction::{Ends, predict};
+use super::prediction::{Ends, furthest, motion};
 use super::preintegrator::{Limit, Preintegrator, Stretch};
 use crate::Stamp;
 use crate::imu::Sample;
@@ -144,9 +144,8 @@ impl History {
         let followed = whole.then(|| {
             let pieces = turn.pieces();
             let ends = Ends { up, rate, by_up: Matrix3::zeros() };
-            let there = predict(pieces.iter(), &Candidate::default(), &ends);
-            let cosine = (there.by_up.trace() - 1.0) / 2.0;
-            (libm::acos(cosine.clamp(-1.0, 1.0)), there.furthest)
+            let perfect = Candidate::default();
+            (motion(pieces.iter(), &perfect, &ends).angle, furthest(pieces.iter(), &perfect, &ends))
         });
         Some(Passage {
             seconds: turn.seconds(),

@@ -53,17 +53,22 @@ impl Leg {
 }
 
 /// Why a turn says nothing of the gyroscope.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
-    /// Readings are missing in it.
+    /// In it.
+    #[error("readings are missing")]
     Gap,
-    /// The stamps broke in it.
+    /// In it.
+    #[error("the stamps break")]
     Stamps,
     /// Readings stopped at an end of the range.
+    #[error("the rate reached the end of the range: turn it more slowly, or set a wider range")]
     Clipped,
-    /// It lasted too long.
+    /// The bias wanders meanwhile.
+    #[error("it lasted more than 20 s")]
     TooLong,
-    /// It was too long ago, or too long a way, to be remembered.
+    /// It was too long ago, or too long a way.
+    #[error("it was too long ago, or too long a way, to be remembered")]
     Forgotten,
 }
 

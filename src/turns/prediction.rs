@@ -1,9 +1,9 @@
 //! Where gravity must be after a turn, if it was known before and the gyroscope has such a sensitivity.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 use super::piece::{Candidate, Piece};
-use super::rotation::{exp, right_jacobian};
+use super::rotation::{exp, exp_and_right_jacobian};
 
 /// What is known of the rests at both ends of a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,70 +28,108 @@ pub struct Prediction {
     pub by_up: Matrix3<f64>,
     /// How it moves with a rate that is added all along, s.
     pub by_rate: Matrix3<f64>,
-    /// The furthest that it came from where it began, rad.
-    pub furthest: f64,
 }
 
 /// Follows specific force along a turn.
+///
+/// A piece whose rotation vector errs by δ errs by R J δ in the axes before the turn, R being the attitude behind it and J
+/// its right Jacobian. There the errors of the pieces add up.
 pub fn predict<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Prediction {
     let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
-    let mut at = Prediction {
-        up: ends.up[0],
-        by_inverse: SMatrix::zeros(),
-        by_up: Matrix3::identity(),
-        by_rate: Matrix3::zeros(),
-        furthest: 0.0,
-    };
+    let mut attitude = Matrix3::identity();
+    let mut by_inverse = SMatrix::<f64, 3, 9>::zeros();
+    let mut by_rate = Matrix3::zeros();
     let mut since = 0.0;
     for piece in pieces {
         let share = (since + piece.seconds / 2.0) / total;
         since += piece.seconds;
         let between = |ends: &[Vector3<f64>; 2]| ends[0] * (1.0 - share) + ends[1] * share;
         // The mean rates hold what specific force adds where the rests are; here it adds this much more.
-        let bias = between(&ends.rate) + ends.by_up * (at.up - between(&ends.up));
+        let bias = between(&ends.rate) + ends.by_up * (attitude.tr_mul(&ends.up[0]) - between(&ends.up));
         let piece = piece.without(&bias);
-        let turn = piece.rotation(candidate);
-        let back = exp(&turn).transpose();
-        at.up = back * at.up;
-        let push = at.up.cross_matrix() * right_jacobian(&turn);
-        at.by_inverse = back * at.by_inverse + push * by_inverse(&piece, candidate);
-        at.by_up = back * at.by_up;
-        at.by_rate = back * at.by_rate + push * candidate.inverse() * piece.seconds;
-        at.furthest = at.furthest.max(libm::atan2(ends.up[0].cross(&at.up).norm(), ends.up[0].dot(&at.up)));
+        let (rotation, jacobian) = exp_and_right_jacobian(&piece.rotation(candidate));
+        attitude *= rotation;
+        let push = attitude * jacobian;
+        add_by_inverse(&mut by_inverse, &push, &piece);
+        by_rate += push * piece.seconds;
     }
-    at
+    let back = attitude.transpose();
+    let across = back * ends.up[0].cross_matrix();
+    Prediction {
+        up: back * ends.up[0],
+        by_inverse: across * by_inverse,
+        by_up: back,
+        by_rate: across * by_rate * candidate.inverse(),
+    }
+}
+
+/// Adds `push` · ∂(rotation vector)/∂C, row by row. The cofactors of C = I + δ are I + tr δ − δᵀ to first order, and so they
+/// are around any other C that is near.
+fn add_by_inverse(sum: &mut SMatrix<f64, 3, 9>, push: &Matrix3<f64>, piece: &Piece) {
+    let coning = push * piece.coning;
+    for row in 0..3 {
+        let along = push.column(row);
+        for column in 0..3 {
+            let mut entry = sum.column_mut(3 * row + column);
+            entry += along * piece.angle[column] - push.column(column) * piece.coning[row];
+            if row == column {
+                entry += coning;
+            }
+        }
+    }
+}
+
+/// The furthest that specific force comes from where it was before a turn, rad.
+pub fn furthest<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> f64 {
+    let (start, mut up, mut least) = (ends.up[0], ends.up[0], 1.0_f64);
+    for turn in rotations(pieces, candidate, ends) {
+        up = exp(&turn).tr_mul(&up);
+        least = least.min(start.dot(&up));
+    }
+    libm::acos(least.clamp(-1.0, 1.0))
 }
 
 /// Where specific force points behind a turn, unit vector, and nothing else.
 pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Vector3<f64> {
-    let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
-    let (mut up, mut since) = (ends.up[0], 0.0);
-    for piece in pieces {
-        let share = (since + piece.seconds / 2.0) / total;
-        since += piece.seconds;
-        let bias = ends.rate[0] * (1.0 - share) + ends.rate[1] * share;
-        up = exp(&piece.without(&bias).rotation(candidate)).tr_mul(&up);
-    }
-    up
+    rotations(pieces, candidate, ends).fold(ends.up[0], |up, turn| exp(&turn).tr_mul(&up))
 }
 
-/// ∂(rotation vector)/∂C, row by row. The cofactors of C = I + δ are I + tr δ − δᵀ to first order, and so they are around any
-/// other C that is near.
-fn by_inverse(piece: &Piece, candidate: &Candidate) -> SMatrix<f64, 3, 9> {
-    let inverse = candidate.inverse();
-    let mut by = SMatrix::<f64, 3, 9>::zeros();
-    for row in 0..3 {
-        for column in 0..3 {
-            let mut moved = Vector3::zeros();
-            moved[row] += piece.angle[column];
-            // ∂cof(C)/∂C_rc: the cofactors of the rows r+1 and r+2 hold row r.
-            let [next, last] = [(row + 1) % 3, (row + 2) % 3];
-            let unit = Vector3::ith(column, 1.0);
-            let (a, b) = (inverse.row(next).transpose(), inverse.row(last).transpose());
-            moved[next] += b.cross(&unit).dot(&piece.coning);
-            moved[last] += unit.cross(&a).dot(&piece.coning);
-            by.set_column(3 * row + column, &moved);
-        }
+/// How the sensor turned, all in all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Of the whole rotation, 0 to π, rad.
+    pub angle: f64,
+    /// Of the whole rotation, unit vector in the sensor's axes before it; x where it did not turn.
+    pub axis: Vector3<f64>,
+    /// Rotation about the vertical, counterclockwise seen from above, whole turns counted, rad.
+    pub vertical: f64,
+}
+
+/// Adds up a turn.
+pub fn motion<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Motion {
+    let (mut attitude, mut vertical) = (UnitQuaternion::identity(), 0.0);
+    let mut up = ends.up[0];
+    for turn in rotations(pieces, candidate, ends) {
+        // Gravity keeps its part along the axis that it turns about.
+        vertical += turn.dot(&up);
+        up = exp(&turn).tr_mul(&up);
+        attitude *= UnitQuaternion::from_scaled_axis(turn);
     }
-    by
+    let (axis, angle) = attitude.axis_angle().unwrap_or((Vector3::x_axis(), 0.0));
+    Motion { angle, axis: axis.into_inner(), vertical }
+}
+
+/// Rotation vectors of the pieces, less the mean rates at the ends, rad.
+fn rotations<'a>(
+    pieces: impl Iterator<Item = &'a Piece> + Clone,
+    candidate: &Candidate,
+    ends: &Ends,
+) -> impl Iterator<Item = Vector3<f64>> {
+    let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mut since = 0.0;
+    pieces.map(move |piece| {
+        let share = (since + piece.seconds / 2.0) / total;
+        since += piece.seconds;
+        piece.without(&(ends.rate[0] * (1.0 - share) + ends.rate[1] * share)).rotation(candidate)
+    })
 }

@@ -21,17 +21,22 @@ fn coefficients(squared: f64) -> [f64; 3] {
 
 /// Rotation matrix of a rotation vector, rad.
 pub fn exp(vector: &Vector3<f64>) -> Matrix3<f64> {
-    let [first, second, _] = coefficients(vector.norm_squared());
-    let skew = vector.cross_matrix();
-    Matrix3::identity() + skew * first + skew * skew * second
+    exp_and_right_jacobian(vector).0
 }
 
 /// Right Jacobian: `exp(v + δ) ≈ exp(v) exp(right_jacobian(v) δ)` (Chirikjian, "Stochastic models, information theory, and
 /// Lie groups", vol. 2, 2012).
 pub fn right_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
-    let [_, second, third] = coefficients(vector.norm_squared());
+    exp_and_right_jacobian(vector).1
+}
+
+/// Both at once.
+pub fn exp_and_right_jacobian(vector: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let [first, second, third] = coefficients(vector.norm_squared());
     let skew = vector.cross_matrix();
-    Matrix3::identity() - skew * second + skew * skew * third
+    let square = skew * skew;
+    let one = Matrix3::identity();
+    (one + skew * first + square * second, one - skew * second + square * third)
 }
 
 #[cfg(test)]

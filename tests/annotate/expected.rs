@@ -75,6 +75,9 @@ fn turn(m: &Turn) -> Value {
         ("declared_residual", number(m.declared_residual)),
         ("before", integer(m.before)),
         ("after", integer(m.after)),
+        ("seconds", Value::Float(m.seconds)),
+        ("roughness", Value::Float(m.roughness)),
+        ("integrals", numbers(&m.integrals)),
     ])
 }
 

@@ -42,6 +42,7 @@ fn generated_code_and_descriptor_set_match_the_schema() {
         .out_dir(out.path())
         .enable_type_names()
         .type_attribute("stillpoint.Segment.Reason", "#[derive(serde::Serialize, serde::Deserialize)]")
+        .type_attribute("stillpoint.Turn.Reason", "#[derive(serde::Serialize, serde::Deserialize)]")
         .compile_fds(descriptors)
         .unwrap();
     for package in ["stillpoint", "foxglove"] {

@@ -105,6 +105,8 @@ fn turn(second: i64) -> Turn {
         declared: None,
         before: 4,
         after: 5,
+        seconds: 1.5,
+        integrals: vec![0.5; 10],
         ..Turn::default()
     }
 }

@@ -16,4 +16,5 @@ mod presets;
 mod recognised;
 mod rests;
 mod thesis;
+mod turn_messages;
 mod turns;

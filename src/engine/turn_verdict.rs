@@ -1,0 +1,195 @@
+//! Verdict on each turn between two rests, as it is published. Which turns the gyroscope is fitted to, and how, is left to
+//! `turning`.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::observations;
+use super::publication::vector;
+use super::rest_history::JudgedRest;
+use super::solution::Solution;
+use crate::Stamp;
+use crate::fit::Calibration;
+use crate::messages::{self, turn::Reason};
+use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict};
+
+/// A turn, by the rests at its ends, and what is thought of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct TurnVerdict {
+    /// When the rest after it began.
+    pub(super) to: Stamp,
+    pub(super) used: bool,
+    pub(super) reason: Reason,
+    pub(super) explanation: String,
+}
+
+/// What was last said of each turn, by when the rest before it began.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct TurnsTold(BTreeMap<Stamp, TurnVerdict>);
+
+impl TurnsTold {
+    /// The turns of which something else is thought than was said, as messages.
+    pub(super) fn news(
+        &mut self,
+        header: &messages::Header,
+        turns: &History,
+        entries: &[JudgedRest],
+        solution: &Solution,
+        noise: f64,
+        range: Option<f64>,
+    ) -> Vec<messages::Turn> {
+        let view = View { turns, entries, solution, noise, range };
+        let verdicts = view.verdicts();
+        self.0.retain(|from, _| verdicts.contains_key(from));
+        let mut news = Vec::new();
+        for (from, (turn, verdict)) in verdicts {
+            let told = self.0.get(&from);
+            let same = |told: &TurnVerdict| {
+                told.to == verdict.to && told.used == verdict.used && told.reason == verdict.reason
+            };
+            // That its pieces are gone is no verdict on a turn.
+            let forgotten =
+                |told: &TurnVerdict| told.to == verdict.to && turn.unusable(None) == Some(Unusable::Forgotten);
+            if told.is_some_and(|told| same(told) || forgotten(told)) {
+                continue;
+            }
+            news.push(view.message(header.clone(), &turn, &verdict));
+            self.0.insert(from, verdict);
+        }
+        news
+    }
+}
+
+/// What verdicts are made of.
+struct View<'a> {
+    turns: &'a History,
+    entries: &'a [JudgedRest],
+    solution: &'a Solution,
+    /// Of the gyroscope, one sample of an axis, rad/s.
+    noise: f64,
+    /// Of the gyroscope, rad/s.
+    range: Option<f64>,
+}
+
+impl<'a> View<'a> {
+    /// Of the turns between neighbouring rests, and of those between neighbouring ones that are believed.
+    fn verdicts(&self) -> BTreeMap<Stamp, (Turn<'a>, TurnVerdict)> {
+        let mut verdicts = BTreeMap::new();
+        for turn in self.turns.turns(|_| true) {
+            let explanation = "a rest at one of its ends was not accepted".to_owned();
+            let unrest = TurnVerdict { to: turn.to, used: false, reason: Reason::Unrest, explanation };
+            verdicts.insert(turn.from, (turn, unrest));
+        }
+        let believed: Vec<Stamp> =
+            self.entries.iter().filter(|entry| self.tells(entry)).map(|e| e.rest.start).collect();
+        let mut place = 0;
+        for turn in self.turns.turns(|start| believed.binary_search(&start).is_ok()) {
+            let verdict = self.verdict(&turn, &mut place);
+            verdicts.insert(turn.from, (turn, verdict));
+        }
+        verdicts
+    }
+
+    fn tells(&self, entry: &JudgedRest) -> bool {
+        observations::tells_of_rates(entry, self.noise)
+    }
+
+    /// On a turn between rests that are believed; `place` counts those that were fitted.
+    fn verdict(&self, turn: &Turn<'_>, place: &mut usize) -> TurnVerdict {
+        let not = |reason, explanation: &str| TurnVerdict {
+            to: turn.to,
+            used: false,
+            reason,
+            explanation: explanation.to_owned(),
+        };
+        if let Some(why) = turn.unusable(self.range) {
+            let reason = match why {
+                Unusable::Gap => Reason::Interrupted,
+                Unusable::Stamps => Reason::Jittery,
+                Unusable::Clipped => Reason::Clipped,
+                Unusable::TooLong | Unusable::Forgotten => Reason::Prolonged,
+            };
+            return not(reason, &why.to_string());
+        }
+        if !turn.resolves(1.0) {
+            return not(Reason::Prolonged, "too much of a way between two rests to be followed: rest in between");
+        }
+        let at = *place;
+        *place += 1;
+        if self.solution.accelerometer.is_err() {
+            return not(Reason::Unreferenced, "the accelerometer is not calibrated, so nothing says where gravity was");
+        }
+        match self.solution.turning.as_ref().map(|turning| &turning.found) {
+            Some(Ok(found)) if found.left_out == Some(at) => {
+                not(Reason::Outlier, "contradicts the other turns: was the sensor held in the hand at one of its ends?")
+            }
+            Some(Ok(_)) => TurnVerdict { to: turn.to, used: true, reason: Reason::Used, explanation: String::new() },
+            Some(Err(why)) => not(Reason::Used, &format!("nothing speaks against it, but {why}")),
+            None => not(Reason::Used, "nothing speaks against it, but the gyroscope is not calibrated"),
+        }
+    }
+
+    fn message(&self, header: messages::Header, turn: &Turn<'_>, verdict: &TurnVerdict) -> messages::Turn {
+        let rest = |start: Stamp| self.entries.iter().find(|entry| entry.rest.start == start).map(|entry| &entry.rest);
+        let (before, after) = (rest(turn.from), rest(turn.to));
+        let accelerometer = match &self.solution.accelerometer {
+            Ok(fit) => fit.calibration(),
+            Err(_) => self.solution.guessed,
+        };
+        let gyroscope = self.solution.gyroscope.as_ref().map(|fit| fit.calibration());
+        let pieces = turn.pieces();
+        let followed = before.zip(after).map(|(before, after)| {
+            let force = [before.accelerometer.mean, after.accelerometer.mean];
+            let up = force.map(|force| up(&accelerometer, &force));
+            let rate = |rest: &crate::still::Rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean);
+            let ends = Ends { up, rate: [rate(before), rate(after)], by_up: Matrix3::zeros() };
+            follow(&pieces, gyroscope.as_ref(), &ends)
+        });
+        let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
+        let followed = followed.filter(|_| whole);
+        let (start, end) = turn.span();
+        let motion = followed.as_ref().map(|(motion, _)| motion);
+        let judged = !matches!(verdict.reason, Reason::Unrest | Reason::Unreferenced);
+        messages::Turn {
+            header: Some(header),
+            start: Some(start.into()),
+            end: Some(end.into()),
+            angle: motion.map_or(0.0, |motion| motion.angle),
+            residual: followed.as_ref().filter(|_| judged).map(|(_, residual)| *residual),
+            used: verdict.used,
+            reason: verdict.reason.into(),
+            explanation: verdict.explanation.clone(),
+            axis: motion.map(|motion| vector(&motion.axis)),
+            path: turn.path(),
+            vertical: motion.map(|motion| motion.vertical),
+            declared: None,
+            declared_residual: None,
+            before: before.map_or(0, |rest| rest.placement),
+            after: after.map_or(0, |rest| rest.placement),
+            seconds: turn.seconds(),
+            roughness: turn.roughness(),
+            integrals: if whole { pieces.iter().flat_map(integrals).collect() } else { Vec::new() },
+        }
+    }
+}
+
+/// Direction of specific force, unit vector.
+fn up(accelerometer: &Calibration, force: &Vector3<f64>) -> Vector3<f64> {
+    accelerometer.correct(force).try_normalize(f64::MIN_POSITIVE).unwrap_or(Vector3::z())
+}
+
+/// How it turned, and the angle between gravity as it must be then and as it was read.
+fn follow(pieces: &[Piece], gyroscope: Option<&Calibration>, ends: &Ends) -> (Motion, f64) {
+    let candidate = gyroscope.map_or(Candidate::default(), |known| Candidate::of_inverse(known.inverse()));
+    let there = predict(pieces.iter(), &candidate, ends).up;
+    let residual = libm::atan2(there.cross(&ends.up[1]).norm(), there.dot(&ends.up[1]));
+    (motion(pieces.iter(), &candidate, ends), residual)
+}
+
+/// Of a piece, in the order of the message.
+fn integrals(piece: &Piece) -> [f64; 10] {
+    let Piece { angle: a, coning: c, moment: m, seconds } = piece;
+    [a.x, a.y, a.z, c.x, c.y, c.z, m.x, m.y, m.z, *seconds]
+}
