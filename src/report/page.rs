@@ -1,10 +1,11 @@
-//! The report as one HTML file: no script, no network, light and dark, for screens of any width and for paper.
+//! The report as one HTML file: no script but to copy what is to be pasted, no network, light and dark, for screens of any width and for paper.
 //!
 //! Each section is a module; drawing is left to [`plot`](super::plot).
 
 mod faces;
 mod history;
 mod numbers;
+mod paste;
 mod rests;
 mod signal;
 
@@ -14,7 +15,6 @@ pub(super) use super::html::escape;
 use super::{Findings, Timeline, calibration, model, vector};
 use crate::Stamp;
 use crate::messages::foxglove::log::Level;
-use crate::messages::triad::Status;
 use crate::messages::{Segment, Triad};
 
 /// What a report is about.
@@ -49,11 +49,11 @@ impl Page<'_> {
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
              <meta name=\"color-scheme\" content=\"light dark\"><title>{name} – Stillpoint</title><style>{css}</style></head>\n\
-             <body><header><p class=\"kicker\">Stillpoint report</p><h1>{name}</h1><p class=\"dim\">{when}{n} {plural}</p></header>\n\
-             <main>{notes}{imus}</main>\n<footer>{settings}<p class=\"dim\">Direction of the numbers: \
-             <b>measured = bias + S · true</b>; to correct a reading, true = S⁻¹ (measured − bias). Intervals are 95 %. \
-             Stillpoint {version}.</p></footer></body></html>\n",
+             <body><header><p class=\"kicker\">Stillpoint report</p><h1>{title}</h1><p class=\"dim\">{when}{n} {plural}</p>\
+             <p class=\"formula\"><b>measured = bias + S · true</b>; to correct a reading, <b>true = S⁻¹ (measured − bias)</b></p></header>\n\
+             <main>{notes}{imus}</main>\n<footer>{settings}<p class=\"dim\">Intervals are 95 %. Stillpoint {version}.</p></footer></body></html>\n",
             name = escape(recording),
+            title = breakable(recording),
             css = include_str!("page/page.css"),
             when = when.unwrap_or_default(),
             n = timelines.len(),
@@ -68,10 +68,12 @@ impl Page<'_> {
             signal::acceleration(&imu),
             faces::section(&imu),
             numbers::section(&imu, self.earlier),
+            paste::section(&imu, self.recording),
             rests::residuals(&imu),
             history::section(&imu),
             signal::statistic(&imu),
             rests::rejected(&imu),
+            rests::near_misses(&imu),
             rests::accepted(&imu),
             log(timeline, &imu),
         ];
@@ -153,15 +155,13 @@ impl<'a> Imu<'a> {
 fn summary(imu: &Imu<'_>) -> String {
     let Findings { name, topic, coverage, .. } = imu.findings;
     let heading = match topic == name {
-        true => escape(name).into_owned(),
-        false => format!("{} <small>{}</small>", escape(name), escape(topic)),
+        true => breakable(name),
+        false => format!("{} <small>{}</small>", breakable(name), breakable(topic)),
     };
     let badges: String = imu.triads().map(badge).collect();
-    let next = coverage.as_ref().map(|coverage| coverage.next_step.as_str()).filter(|step| !step.is_empty());
-    let next = next.unwrap_or("record the sensor at rest, each face up in turn");
-    let done = imu.accelerometer().is_some_and(|triad| triad.status() == Status::Confirmed);
-    let (class, label) = if done { ("next done", "✓") } else { ("next", "Next") };
-    let why = imu.findings.reason().filter(|why| *why != next);
+    let next = &imu.findings.next_step();
+    let (class, label) = if imu.findings.is_done() { ("next done", "✓") } else { ("next", "Next") };
+    let why = imu.findings.reason().filter(|why| why != next);
     let why = why.map(|why| {
         format!("<p class=\"why\">No accelerometer calibration: {}.</p>", escape(&minus(why.trim_end_matches('.'))))
     });
@@ -172,17 +172,15 @@ fn summary(imu: &Imu<'_>) -> String {
         let seen = coverage.faces.iter().filter(|face| face.placements > 0).count();
         tiles += &tile("Faces", &format!("{seen} <small>of {} seen</small>", coverage.faces.len()));
     }
-    let rms = |value: fn(&Rest<'_>) -> Option<f64>| {
-        let squares: Vec<_> =
-            imu.rests.iter().filter(|rest| rest.segment.accepted).filter_map(value).map(|v| v * v).collect();
-        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-    };
-    if let (Some(before), Some(after)) = (rms(|rest| rest.raw), rms(|rest| rest.corrected)) {
+    if let Some([before, after]) = imu.findings.residuals() {
         let value = format!("{before:.3} → {after:.4} <small>m/s²</small>");
-        tiles += &tile("‖a‖ − g at rest, before → after", &value);
+        tiles += &tile("Observed: ‖a‖ − g at rest, before → after", &value);
     }
     if let Some(worst) = imu.accelerometer().and_then(|triad| triad.worst_case_error) {
-        tiles += &tile("A corrected reading errs by at most", &format!("{worst:.3} <small>m/s² (95 %)</small>"));
+        tiles += &tile(
+            "Not excluded by these poses: an error of a corrected reading",
+            &format!("{worst:.3} <small>m/s² (95 %)</small>"),
+        );
     }
     let why = why.unwrap_or_default();
     format!(
@@ -234,6 +232,11 @@ fn list(class: &str, lines: &[String]) -> String {
 /// A section under its heading; nothing if it is empty.
 fn section(heading: &str, content: &str) -> String {
     if content.is_empty() { String::new() } else { format!("<section><h3>{heading}</h3>{content}</section>") }
+}
+
+/// A name that lines break behind its parts, and not within them.
+fn breakable(name: &str) -> String {
+    escape(name).replace('/', "/<wbr>").replace('_', "_<wbr>")
 }
 
 /// With a capital at its beginning and a stop at its end.

@@ -185,9 +185,9 @@ impl Plot {
             }
         }
         let mut xs = String::new();
-        let ticks = match x {
-            Along::Clock => self.x.clock(),
-            Along::Names(names) => names.to_vec(),
+        let (ticks, axis) = match x {
+            Along::Clock => (self.x.clock(), "time since the first reading, min:s"),
+            Along::Names(names) => (names.to_vec(), "rest"),
         };
         for (value, name) in ticks {
             let left = self.px(value);
@@ -199,7 +199,7 @@ impl Plot {
         let Self { svg, labels, .. } = self;
         let label = escape(caption);
         format!(
-            r#"<figure class="plot {size}"><figcaption>{label}</figcaption><div class="ys">{ys}</div><div class="canvas"><svg viewBox="0 0 1000 1000" preserveAspectRatio="none" role="img" aria-label="{label}">{grid}{svg}</svg>{labels}</div><div class="xs">{xs}</div></figure>"#
+            r#"<figure class="plot {size}"><figcaption>{label}</figcaption><div class="ys">{ys}</div><div class="canvas"><svg viewBox="0 0 1000 1000" preserveAspectRatio="none" role="img" aria-label="{label}">{grid}{svg}</svg>{labels}</div><div class="xs">{xs}<em>{axis}</em></div></figure>"#
         )
     }
 }

@@ -18,6 +18,10 @@ pub struct Timeline {
     pub findings: Findings,
     /// Readings of the accelerometer, m/s²; empty beside a sidecar.
     pub acceleration: Envelope<3>,
+    /// Readings of the gyroscope, rad/s.
+    pub rate: Envelope<3>,
+    /// Readings of the secondary accelerometers in their order, m/s².
+    pub secondary: Vec<Envelope<3>>,
     /// The statistic that rest is judged by.
     pub statistic: Envelope<1>,
     /// Thresholds that it is held against: enter, leave.
@@ -54,9 +58,17 @@ impl Timeline {
 
     /// Takes a sample in.
     pub fn sample(&mut self, sensor: Sensor, sample: &Sample) {
-        if sensor == Sensor::Accelerometer {
-            self.acceleration.push(sample.stamp, sample.value.into());
-        }
+        let outline = match sensor {
+            Sensor::Accelerometer => &mut self.acceleration,
+            Sensor::Gyroscope => &mut self.rate,
+            Sensor::Secondary(index) => {
+                self.secondary.resize_with(self.secondary.len().max(index + 1), Envelope::default);
+                let Some(outline) = self.secondary.get_mut(index) else { return };
+                outline
+            }
+            Sensor::Reference(_) => return,
+        };
+        outline.push(sample.stamp, sample.value.into());
     }
 
     /// From the first to the last thing that is known.

@@ -12,7 +12,7 @@ use stillpoint::report::{Findings, Page, Timeline};
 
 /// Fails unless every element is closed in its turn and nothing is loaded from elsewhere.
 fn check(html: &str) {
-    const VOID: [&str; 2] = ["meta", "!doctype"];
+    const VOID: [&str; 3] = ["meta", "!doctype", "wbr"];
     let mut open = Vec::new();
     let text = html.replace(html.split("<style>").nth(1).unwrap().split("</style>").next().unwrap(), "");
     for part in text.split('<').skip(1) {
@@ -55,6 +55,78 @@ fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
     assert!(raw.contains(r#"class="area a0""#) && !sidecar.contains(r#"class="area a0""#));
     assert!(sidecar.contains("A sidecar holds no readings"));
     assert!(raw.len() < 400_000, "{}", raw.len());
+}
+
+/// What stands to be copied under a name.
+fn pasted(html: &str, name: &str) -> String {
+    let block = html.split(&format!("<b>{name}</b><pre>")).nth(1).unwrap().split("</pre>").next().unwrap();
+    [("&quot;", "\""), ("&#39;", "'"), ("&lt;", "<"), ("&gt;", ">"), ("&amp;", "&")]
+        .iter()
+        .fold(block.to_owned(), |text, (escaped, plain)| text.replace(escaped, plain))
+}
+
+#[test]
+fn what_is_pasted_holds_the_numbers_of_the_export_exactly() {
+    let folder = Folder::with_demo();
+    folder.say("report demo.mcap -o demo.html").ok();
+    let html = String::from_utf8(folder.read("demo.html")).unwrap();
+    let exported = folder.say("export demo.mcap --format json").ok().json()["imus"][0].clone();
+    let json: serde_json::Value = serde_json::from_str(&pasted(&html, "JSON")).unwrap();
+    let yaml: serde_json::Value = serde_saphyr::from_str(&pasted(&html, "YAML")).unwrap();
+    assert_eq!(json, yaml);
+    assert_eq!((&json["topic"], &json["direction"]), (&exported["topic"], &exported["direction"]));
+    for (triad, keys) in [("accelerometer", &["bias", "sensitivity", "status", "model"][..]), ("gyroscope", &["bias"])]
+    {
+        keys.iter().for_each(|key| assert_eq!(json[triad][key], exported[triad][key], "{triad} {key}"));
+    }
+    assert_eq!(
+        json["gyroscope"]["sensitivity"],
+        serde_json::json!([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    );
+    // Readings as the recording holds them are corrected as `output.corrected` would.
+    let numpy = pasted(&html, "numpy");
+    let bias = json["accelerometer"]["bias"].to_string();
+    assert!(numpy.contains(&format!("accelerometer_bias = np.array({bias})")), "{numpy}");
+    let Some(python) = crate::common::needs::python() else { return };
+    let matrix: Vec<Vec<f64>> = serde_json::from_value(json["accelerometer"]["sensitivity"].clone()).unwrap();
+    let matrix = nalgebra::Matrix3::from_iterator(matrix.into_iter().flatten()).transpose();
+    let bias: [f64; 3] = serde_json::from_value(json["accelerometer"]["bias"].clone()).unwrap();
+    let expected =
+        matrix.try_inverse().unwrap() * (nalgebra::Vector3::new(1.0, -2.0, 9.5) - nalgebra::Vector3::from(bias));
+    folder.write("pasted.py", format!("{numpy}\nprint(*correct_accelerometer([1.0, -2.0, 9.5]))\n").as_bytes());
+    let mut run = std::process::Command::new(python);
+    let printed = crate::common::finish(run.arg("pasted.py").current_dir(folder.path())).ok().stdout;
+    let printed: Vec<f64> = printed.split_whitespace().map(|number| number.parse().unwrap()).collect();
+    assert!((nalgebra::Vector3::from_column_slice(&printed) - expected).norm() < 1e-12, "{printed:?} {expected}");
+}
+
+#[test]
+fn a_drift_is_shown_with_its_interval_and_nothing_is_minus_zero() {
+    let folder = Folder::with_demo();
+    folder.say("export demo.mcap --format json -o before.json").ok();
+    folder.say("report demo.mcap -o demo.html --against before.json").ok();
+    let html = String::from_utf8(folder.read("demo.html")).unwrap();
+    check(&html);
+    let drift = html.split("Change since the earlier calibration").nth(1).unwrap().split("</table>").next().unwrap();
+    assert_eq!(drift.matches("<small>± ").count(), 9, "{drift}");
+    assert!(!drift.contains('−'), "{drift}");
+}
+
+#[test]
+fn spans_that_were_nearly_rests_are_named() {
+    let second = |at: i64| prost_types::Timestamp { seconds: at, nanos: 0 };
+    let mut timeline = Timeline::new(Findings::new("/imu", "/imu"));
+    for (at, statistic) in [(1, 80.0), (2, 3.6), (3, 4.2), (4, 80.0)] {
+        let header = Some(Header { stamp: Some(second(at)), frame_id: String::new() });
+        let said = Stillness { header, state: 1, statistic, enter: 3.0, leave: 5.0 };
+        timeline.note(&Event { log_time: at as u64, message: Message::Stillness(said) });
+    }
+    let timelines = [timeline];
+    let html = Page { recording: "x", timelines: &timelines, notes: &[], settings: "", earlier: None }.html();
+    check(&html);
+    for word in ["Nearly rests", ">3.6<", "still.enter=4"] {
+        assert!(html.contains(word), "{word}");
+    }
 }
 
 #[test]

@@ -13,18 +13,17 @@ pub(super) fn section(imu: &Imu<'_>) -> String {
     let accelerometer = |found: &'_ Calibration| found.accelerometer.clone();
     let gyroscope = |found: &'_ Calibration| found.gyroscope.clone();
     let drawings = [
-        settling(imu, "Accelerometer bias less its last value, m/s²", accelerometer, |triad| {
-            (triad.bias, triad.bias_std)
-        }),
-        settling(imu, "Accelerometer scale less its last value", accelerometer, |triad| (triad.scale, triad.scale_std)),
-        settling(imu, "Gyroscope bias less its last value, rad/s", gyroscope, |triad| (triad.bias, triad.bias_std)),
+        settling(imu, "Accelerometer bias, m/s²", accelerometer, |triad| (triad.bias, triad.bias_std)),
+        settling(imu, "Accelerometer scale", accelerometer, |triad| (triad.scale, triad.scale_std)),
+        settling(imu, "Gyroscope bias, rad/s", gyroscope, |triad| (triad.bias, triad.bias_std)),
     ];
     let drawings: String = drawings.into_iter().flatten().collect();
     if drawings.is_empty() {
         return String::new();
     }
-    let text = "<p class=\"dim\">Each refit with its 95 % interval; a refit that grows surer draws nearer to zero.</p>";
-    framed("How it settled", &format!("{text}<div class=\"two\">{drawings}</div>"))
+    let text = "<p class=\"dim\">Each refit less the last one, with its 95 % interval: one that grows surer draws nearer to \
+                zero. The scale's interval holds that of gravity, which no further rest makes smaller.</p>";
+    framed("How it settled", &format!("{text}{drawings}"))
 }
 
 type Estimate = (Option<Vector3>, Option<Vector3>);
@@ -52,23 +51,23 @@ fn settling(
     let late = points.iter().skip(points.len() / 2);
     let reach = late.flat_map(|(_, _, value, std)| (0..3).map(|i| (value[i] - last[i]).abs() + 1.96 * std[i]));
     let reach = 1.6 * reach.fold(0.0, f64::max);
-    let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.02), Scale::linear(-reach, reach, 0.0));
-    plot.rule(0.0, "zero", "");
-    for axis in 0..3 {
+    // One drawing an axis: what lies on top of each other cannot be told apart.
+    let mut figures = String::new();
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.02), Scale::linear(-reach, reach, 0.0));
+        plot.rule(0.0, "zero", "");
         let class = format!("a{axis}");
-        // Beside each other, not on top.
-        let aside = (axis as f64 - 1.0) * imu.seconds * 0.006;
-        let line: Vec<_> = points.iter().map(|(at, _, value, _)| (at + aside, value[axis] - last[axis])).collect();
+        let line: Vec<_> = points.iter().map(|(at, _, value, _)| (*at, value[axis] - last[axis])).collect();
         plot.line(&line, &format!("thin {class}"));
         for (at, revision, value, std) in &points {
-            let (x, y, half) = (at + aside, value[axis] - last[axis], 1.96 * std[axis]);
-            let name = ["x", "y", "z"].get(axis).unwrap_or(&"");
+            let (y, half) = (value[axis] - last[axis], 1.96 * std[axis]);
             let title = format!("revision {revision}, {name} {:.5} ± {half:.5}", value[axis]);
-            plot.whisker(x, y - half, y + half, &class, &title);
-            plot.dot(x, y, &format!("small {class}"), &title);
+            plot.whisker(*at, y - half, y + half, &class, &title);
+            plot.dot(*at, y, &format!("small {class}"), &title);
         }
+        figures += &plot.figure("low", &format!("{caption}: {name}"), Along::Clock);
     }
-    Some(plot.figure("", caption, Along::Clock))
+    Some(format!("<div class=\"three\">{figures}</div>"))
 }
 
 fn xyz(v: &Vector3) -> [f64; 3] {

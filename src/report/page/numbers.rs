@@ -58,7 +58,7 @@ fn triad(triad: &Triad) -> String {
                 [", row x", ", row y", ", row z"].get(i).unwrap_or(&"")
             };
             let cells: String = values.iter().map(|value| format!("<td class=\"n\">{value:.3e}</td>")).collect();
-            let _ = write!(rows, "<tr><th>{name}{axis}</th>{cells}<td class=\"unit\">{unit}</td></tr>");
+            let _ = write!(rows, "<tr><th>{name}{axis} <small>{unit}</small></th>{cells}</tr>");
         }
     }
     let status = triad.status();
@@ -74,7 +74,7 @@ fn triad(triad: &Triad) -> String {
     let table = match rows.is_empty() {
         true => String::new(),
         false => format!(
-            "<div class=\"scroll\"><table><thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th><th></th></tr></thead>{rows}</table></div>"
+            "<div class=\"scroll\"><table><thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th></tr></thead>{rows}</table></div>"
         ),
     };
     let facts = if facts.is_empty() { String::new() } else { format!("<p class=\"dim\">{}</p>", facts.join(" · ")) };
@@ -102,7 +102,7 @@ fn row(rows: &mut String, name: &str, values: &[f64; 3], std: &Option<[f64; 3]>,
             }
         };
     }
-    let _ = write!(rows, "<tr><th>{name}</th>{cells}<td class=\"unit\">{unit}</td></tr>");
+    let _ = write!(rows, "<tr><th>{name} <small>{unit}</small></th>{cells}</tr>");
 }
 
 fn numbers(v: &Vector3) -> [f64; 3] {
@@ -121,11 +121,15 @@ fn since(now: &Findings, earlier: &[Findings]) -> String {
             let Some(changes) = changes else { continue };
             let cell = |change: &Change| {
                 let class = if change.is_significant() { "n moved" } else { "n" };
-                format!("<td class=\"{class}\">{}</td>", format!("{:+.5}", change.by).replace('-', "−"))
+                let text = estimate(change.by, 1.96 * change.std);
+                let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
+                // What rounds to zero has no sign.
+                let is_zero = value.parse() == Ok(0.0);
+                let value = if is_zero { value.trim_start_matches('-').to_owned() } else { value.replace('-', "−") };
+                format!("<td class=\"{class}\">{value} <small>± {half}</small></td>")
             };
             let cells: String = changes.iter().map(cell).collect();
-            let _ =
-                write!(rows, "<tr><th>{} {name}</th>{cells}<td class=\"unit\">{unit}</td></tr>", escape(&drift.sensor));
+            let _ = write!(rows, "<tr><th>{} {name} <small>{unit}</small></th>{cells}</tr>", escape(&drift.sensor));
         }
     }
     let worst = drifts.iter().find_map(|drift| drift.worst);
@@ -134,7 +138,7 @@ fn since(now: &Findings, earlier: &[Findings]) -> String {
     });
     format!(
         "<h4>Change since the earlier calibration</h4>{}<div class=\"scroll\"><table><thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th>\
-         <th class=\"n\">z</th><th></th></tr></thead>{rows}</table></div><p class=\"dim\">Bold: more than three standard deviations.</p>",
+         <th class=\"n\">z</th></tr></thead>{rows}</table></div><p class=\"dim\">± is half of a 95 % interval; bold: more than three standard deviations.</p>",
         worst.unwrap_or_default()
     )
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Imu, Rest, escape, section, signal};
+use crate::Stamp;
 use crate::report::plot::{Along, Plot, Scale, moment};
 
 /// Rests that are drawn, and listed.
@@ -66,6 +67,30 @@ pub(super) fn rejected(imu: &Imu<'_>) -> String {
     section("Rejected rests", &format!("<div class=\"scroll\"><table class=\"wide\">{head}{rows}</table></div>{more}"))
 }
 
+/// Spans that were nearly rests.
+pub(super) fn near_misses(imu: &Imu<'_>) -> String {
+    let misses = &imu.findings.near_misses;
+    let Some(advice) = misses.advice() else { return String::new() };
+    let seconds = |stamp| Stamp::from_nanos(stamp).seconds_since(imu.origin);
+    let mut rows = String::new();
+    for miss in misses.iter() {
+        let (from, until) = (seconds(miss.start), seconds(miss.end));
+        let _ = write!(
+            rows,
+            "<tr><td class=\"n\">{}</td><td class=\"n\">{:.0} s</td><td class=\"n\">{:.1}</td><td class=\"n\">{:.1}</td></tr>",
+            moment(from),
+            (until - from).max(1.0),
+            miss.lowest,
+            miss.enter
+        );
+    }
+    let more = more_than(misses.count(), misses.iter().count());
+    let head = "<thead><tr><th class=\"n\">at</th><th class=\"n\">for about</th><th class=\"n\">noise floors reached</th>\
+                <th class=\"n\">asked</th></tr></thead>";
+    let text = format!("<p class=\"dim\">To take them: {}.</p>", escape(&advice));
+    section("Nearly rests", &format!("{text}<div class=\"scroll\"><table>{head}{rows}</table></div>{more}"))
+}
+
 /// All accepted rests, folded away.
 pub(super) fn accepted(imu: &Imu<'_>) -> String {
     let accepted = || imu.rests.iter().filter(|rest| rest.segment.accepted);
@@ -74,7 +99,11 @@ pub(super) fn accepted(imu: &Imu<'_>) -> String {
         return String::new();
     }
     let mut rows = String::new();
+    // Counted among the accepted, so that none seems to be missing.
+    let placements: std::collections::BTreeSet<_> = accepted().map(|rest| rest.segment.placement).collect();
+    let placements: std::collections::BTreeMap<_, _> = placements.into_iter().zip(1..).collect();
     for rest in accepted().take(LISTED) {
+        let placement: usize = placements.get(&rest.segment.placement).copied().unwrap_or_default();
         let tilt = rest.segment.tilt_deg.map(|tilt| format!("{tilt:.1}°")).unwrap_or_default();
         let value = |value: Option<f64>, decimals| {
             value.map(|v| format!("{v:+.decimals$}").replace('-', "−")).unwrap_or_default()
@@ -87,7 +116,7 @@ pub(super) fn accepted(imu: &Imu<'_>) -> String {
             moment(rest.from),
             rest.until - rest.from,
             escape(&rest.segment.face),
-            rest.segment.placement,
+            placement,
             value(rest.raw, 3),
             value(rest.corrected, 4)
         );
@@ -101,7 +130,11 @@ pub(super) fn accepted(imu: &Imu<'_>) -> String {
 }
 
 fn more(count: usize) -> String {
-    match count.saturating_sub(LISTED) {
+    more_than(count, LISTED)
+}
+
+fn more_than(count: usize, listed: usize) -> String {
+    match count.saturating_sub(listed) {
         0 => String::new(),
         further => format!("<p class=\"dim\">… and {further} more.</p>"),
     }

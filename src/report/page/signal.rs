@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::{Imu, Rest, escape, section};
 use crate::Stamp;
-use crate::report::Range;
 use crate::report::plot::{Along, Plot, Scale, moment};
+use crate::report::{Envelope, Range};
 
 /// Bands that are drawn; neighbours of one kind that touch on the screen are one.
 const BANDS: usize = 2000;
@@ -22,14 +22,7 @@ pub(super) fn acceleration(imu: &Imu<'_>) -> String {
     let Some(range) = range else { return String::new() };
     let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.0), Scale::linear(range.low, range.high, 0.06));
     bands(imu, &mut plot);
-    for axis in 0..3 {
-        for run in outline.runs() {
-            let at = |stamp: Stamp| stamp.seconds_since(imu.origin);
-            let points: Vec<_> =
-                run.iter().map(|(stamp, ranges)| (at(*stamp), ranges[axis].low, ranges[axis].high)).collect();
-            plot.area(&points, &format!("a{axis}"));
-        }
-    }
+    trace(imu, outline, &mut plot);
     if outline.span().is_none() {
         for (rest, mean) in means {
             (0..3).for_each(|axis| {
@@ -47,7 +40,37 @@ pub(super) fn acceleration(imu: &Imu<'_>) -> String {
     };
     let shades = "<span class=\"key shade\">rest on a face</span><span class=\"key rejected\">rejected rest</span>";
     let figure = plot.figure("tall", "Acceleration as recorded, m/s²", Along::Clock);
-    section("What the sensor read", &format!("<p class=\"legend\">{legend}{shades}</p>{figure}{missing}"))
+    let others = others(imu);
+    section("What the sensor read", &format!("<p class=\"legend\">{legend}{shades}</p>{figure}{missing}{others}"))
+}
+
+/// The gyroscope and the secondary accelerometers.
+fn others(imu: &Imu<'_>) -> String {
+    let secondary =
+        imu.findings.calibration.iter().flat_map(|found| &found.secondary).map(|triad| triad.sensor.as_str());
+    let names = secondary.chain(std::iter::repeat("secondary accelerometer"));
+    let named = imu.timeline.secondary.iter().zip(names).map(|(outline, name)| (outline, format!("{name}, m/s²")));
+    let all = std::iter::once((&imu.timeline.rate, "Rotation as recorded, rad/s".to_owned())).chain(named);
+    let figure = |(outline, caption): (&Envelope<3>, String)| {
+        let Range { low, high } = outline.range()?;
+        let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.0), Scale::linear(low, high, 0.06));
+        bands_plain(imu, &mut plot);
+        trace(imu, outline, &mut plot);
+        Some(plot.figure("low", &caption, Along::Clock))
+    };
+    all.filter_map(figure).collect()
+}
+
+/// The three axes of an outline.
+fn trace(imu: &Imu<'_>, outline: &Envelope<3>, plot: &mut Plot) {
+    for axis in 0..3 {
+        for run in outline.runs() {
+            let at = |stamp: Stamp| stamp.seconds_since(imu.origin);
+            let points: Vec<_> =
+                run.iter().map(|(stamp, ranges)| (at(*stamp), ranges[axis].low, ranges[axis].high)).collect();
+            plot.area(&points, &format!("a{axis}"));
+        }
+    }
 }
 
 /// The rests as bands, each with the name of its face if there is room.
