@@ -51,11 +51,14 @@ mod status;
 mod turn_outcome;
 mod turn_verdict;
 mod turning;
+mod unit_probe;
+mod units;
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
+use self::axes::Stood;
 use self::change_gate::ChangeGate;
 pub use self::config::{Config, Secondary};
 pub use self::event::{Event, Message};
@@ -68,13 +71,15 @@ use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
 use self::solution::Solution;
 use self::turn_verdict::TurnsTold;
+pub use self::unit_probe::UnitProbe;
+pub use self::units::{UnitFinding, unconfirmed_unit, unit_of_gravity};
 use crate::Stamp;
 use crate::fit::{Fixture, Place};
 use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
 use crate::still::{Outcome, Segmenter, State, Status};
-use crate::turns::History;
+use crate::turns::{Explanation, History};
 
 /// Learns the calibration of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -87,6 +92,8 @@ pub struct Engine {
     gate: ChangeGate,
     turns: History,
     turns_told: TurnsTold,
+    /// Until the noise floor is credible.
+    probe: Option<Box<UnitProbe>>,
     noise: Noise,
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
@@ -110,6 +117,7 @@ impl Engine {
             gate: ChangeGate::default(),
             turns: History::default(),
             turns_told: TurnsTold::default(),
+            probe: Some(Box::new(UnitProbe::new(&config.still))),
             noise: Noise::default(),
             reported: BTreeSet::new(),
             last_stillness: None,
@@ -125,8 +133,14 @@ impl Engine {
             reference.push(sensor, sample);
         }
         let outcome = self.segmenter.push(sensor, sample);
-        if sensor == Sensor::Gyroscope && outcome != Outcome::Dropped {
-            self.turns.push(sample);
+        match sensor {
+            _ if outcome == Outcome::Dropped => {}
+            Sensor::Gyroscope => self.turns.push(sample),
+            Sensor::Accelerometer => self.turns.feel(sample),
+            Sensor::Secondary(_) | Sensor::Reference(_) => {}
+        }
+        if let Some(probe) = &mut self.probe {
+            probe.push(sensor, sample);
         }
         let Outcome::Judged { changed } = outcome else { return };
         if let Some((since, until)) = self.segmenter.open_rest() {
@@ -141,6 +155,13 @@ impl Engine {
             events.push(Event { log_time: sample.log_time, message: Message::Stillness(stillness) });
         }
         self.learn(sample.stamp, sample.log_time, false, events);
+        if self.segmenter.state() != State::Unknown {
+            // What follows is judged by the rests themselves.
+            self.probe = None;
+        } else if self.probe.as_mut().is_some_and(|probe| probe.is_due()) && self.is_misread() {
+            let solution = self.solve();
+            self.publish(&solution, sample.stamp, sample.log_time, false, events);
+        }
     }
 
     /// The driver says that the reading of this stamp was clipped. The rest that it falls into is rejected as saturated;
@@ -161,6 +182,9 @@ impl Engine {
         self.segmenter.forget(sensor);
         self.history.forget(sensor);
         self.turns.forget();
+        if self.probe.is_some() {
+            self.probe = Some(Box::new(UnitProbe::new(&self.config.still)));
+        }
         if let Some(reference) = &mut self.reference {
             reference.forget(sensor);
         }
@@ -190,6 +214,9 @@ impl Engine {
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };
         self.segmenter.finish();
+        if let Some(probe) = &mut self.probe {
+            probe.finish();
+        }
         self.learn(stamp, log_time, true, events);
         for (level, text) in guidance::closing(&self.segmenter, self.history.found(), &self.config.still) {
             events.push(self.log(stamp, log_time, level, text));
@@ -230,15 +257,28 @@ impl Engine {
     /// Judges every remembered rest anew and fits what the good ones determine.
     fn solve(&mut self) -> Solution {
         let gyro_range = self.gyro_range();
-        let Self { config, fixture, segmenter, history, gate, turns, fix, reference, .. } = self;
+        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         // The stream tells its step; of one that never rests on neighbouring values the datasheet does.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
-        let judge = Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value };
+        let accel_unit = config.accel_unit.unwrap_or_default();
+        let judge =
+            Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value, accel_unit };
         let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
-        solution.faults = fault_detection::detect(segmenter, history.entries(), turns, config.preset, &solution);
+        let unit = config.gyro_unit.unwrap_or_default();
+        solution.turned = match probe {
+            Some(probe) => probe.explanation(unit),
+            None => {
+                let stood: Vec<_> = history.entries().iter().filter_map(Stood::of).collect();
+                axes::explanation(turns, &stood, unit)
+            }
+        };
+        solution.unit_confirmed = config.gyro_unit.is_some() || solution.turned == Explanation::Agrees;
+        let force = probe.as_ref().and_then(|probe| probe.force(accel_unit.factor()));
+        let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
+        solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
         fault_detection::veto(&mut solution);
         solution
     }
@@ -269,6 +309,7 @@ impl Engine {
         let turns = self.turns_told.news(&header, &self.turns, entries, solution, noise, range);
         events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
+        let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));
         let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries()));
         let coverage = publication::coverage(header.clone(), &self.history, &self.fixture, solution, obstacle);
         if let Some(coverage) = self.gate.coverage(coverage) {
@@ -295,6 +336,15 @@ impl Engine {
         if let Some(calibration) = news {
             events.push(self.log(stamp, log_time, Level::Info, guidance::published(&calibration)));
         }
+    }
+
+    /// Whether readings that are too loud to be believed turned out to be in another unit.
+    fn is_misread(&self) -> bool {
+        let unit = self.config.gyro_unit.unwrap_or_default();
+        let factor = self.config.accel_unit.unwrap_or_default().factor();
+        self.probe.as_ref().is_some_and(|probe| {
+            probe.force(factor).is_some() || matches!(probe.explanation(unit), Explanation::Otherwise { .. })
+        })
     }
 
     fn stillness(&self, stamp: Stamp) -> messages::Stillness {

@@ -5,17 +5,21 @@
 //! order of the expansion of Magnus (1954), so that every candidate can be tried on the turns of a whole recording
 //! without its samples.
 
+mod evidence;
 mod history;
 mod leg;
 mod piece;
 mod prediction;
 mod preintegrator;
+mod reading;
 mod rotation;
 mod timebase;
 
+pub use evidence::{Explanation, SeenTurn, angle_between, explain};
 pub use history::{History, Passage};
 pub use leg::{Leg, Turn, Unusable};
 pub use piece::{Candidate, Piece};
-pub use prediction::{Ends, Motion, Prediction, follow, motion, predict};
+pub use prediction::{Ends, Followed, Motion, Prediction, follow, motion, predict};
 pub use preintegrator::{Limit, Preintegrator, Stretch};
+pub use reading::{AxisOrder, RateScale};
 pub use rotation::{exp, right_jacobian};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::imu::{Preset, SecondaryModel};
+use crate::imu::{AccelUnit, Preset, RateUnit, SecondaryModel};
 use crate::{fit, still};
 
 /// What an engine is to know of its IMU.
@@ -20,6 +20,10 @@ pub struct Config {
     pub secondary: Vec<Secondary>,
     /// Which sensor it is, if that is known; [`Config::of`] sets it with what its datasheet says.
     pub preset: Option<Preset>,
+    /// Unit that the accelerometer's readings were converted from, if one is set.
+    pub accel_unit: Option<AccelUnit>,
+    /// Unit that the gyroscope's readings were converted from, if one is set: it is not asked for again.
+    pub gyro_unit: Option<RateUnit>,
     /// Whether a reference tells what there was to read.
     pub reference: bool,
     /// How rests are found.

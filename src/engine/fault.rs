@@ -16,12 +16,14 @@ pub(super) struct Fault {
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) enum FaultKind {
-    /// An axis is flipped against the other sensor.
+    /// Axes are flipped, or exchanged, against the other sensor.
     Flipped,
     /// The gyroscope does not explain how gravity turned, and no flip does.
     Disagreeing,
-    /// It is in deg/s.
-    Degrees,
+    /// The turns say that it is in another unit.
+    Unit,
+    /// It reads more than any sensor measures.
+    TooFast,
     /// Its mean relaxes to zero at rest.
     Relaxing,
     /// An axis never changes.
@@ -42,7 +44,8 @@ impl Fault {
         match self.kind {
             // A bias at rest is one, whatever the sign of the axis; an accelerometer's faces are not.
             FaultKind::Flipped => self.sensor == Sensor::Accelerometer,
-            FaultKind::Degrees
+            FaultKind::Unit
+            | FaultKind::TooFast
             | FaultKind::Relaxing
             | FaultKind::Dead
             | FaultKind::Stretched

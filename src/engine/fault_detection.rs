@@ -1,22 +1,23 @@
 //! What speaks against the readings of a triad, whatever is fitted to them: each thing is said once in the log and stands
 //! in the triad's notes, and some forbid a calibration. What is wrong with a single rest is left to `rest_judge`.
 
-use super::axes::{self, Axes, Hypothesis, Unit};
+use super::config::Config;
 use super::fault::{Fault, FaultKind};
 use super::observations;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
-use crate::imu::{Preset, Sensor};
+use super::units::{self, Misread};
+use crate::imu::{RateUnit, Sensor};
 use crate::still::{Segmenter, Signal};
-use crate::turns::History;
+use crate::turns::Explanation;
 
-/// All that is suspicious, given what the rests seem to determine.
+/// All that is suspicious, given what the rests seem to determine. `force` is what is said of the accelerometer's unit.
 pub(super) fn detect(
     segmenter: &Segmenter,
     entries: &[JudgedRest],
-    turns: &History,
-    preset: Option<Preset>,
+    config: &Config,
+    force: Option<String>,
     solution: &Solution,
 ) -> Vec<Fault> {
     let guessed = solution.guessed;
@@ -29,28 +30,19 @@ pub(super) fn detect(
         Some(Fault { sensor, kind: FaultKind::Repeated, text })
     });
     let of_gyroscope = |kind, text| Fault { sensor: Sensor::Gyroscope, kind, text };
-    let degrees = gyroscope.filter(|signal| signal.extremes.peak() > FASTEST);
-    let degrees = degrees.map(|signal| of_gyroscope(FaultKind::Degrees, too_fast_text(signal.extremes.peak())));
+    let unit = config.gyro_unit.unwrap_or_default();
+    let axes = misread(&solution.turned, unit);
+    let told = solution.unit_confirmed || axes.as_ref().is_some_and(|fault| fault.kind == FaultKind::Unit);
+    let too_fast = gyroscope.filter(|signal| !told && signal.extremes.peak() > FASTEST);
+    let too_fast = too_fast.map(|signal| of_gyroscope(FaultKind::TooFast, too_fast_text(signal.extremes.peak())));
     let dead = gyroscope.and_then(|signal| dead_axis(&signal));
     let dead = dead.map(|axis| of_gyroscope(FaultKind::Dead, dead_gyroscope_text(axis)));
     let relaxing = relaxing_rates(entries, observations::gyroscope_noise(segmenter));
     let relaxing = relaxing.map(|(from, to)| of_gyroscope(FaultKind::Relaxing, relaxing_text(from, to)));
-    let axes = match axes::verdict(turns, entries, |force| calibration.correct(force)) {
-        Axes::Unknown | Axes::Agree => None,
-        Axes::Disagree(degrees) => Some(of_gyroscope(FaultKind::Disagreeing, disagreeing_text(degrees))),
-        Axes::Otherwise(Hypothesis { unit: Unit::Degrees, .. }) => {
-            Some(of_gyroscope(FaultKind::Degrees, turned_too_far_text()))
-        }
-        Axes::Otherwise(Hypothesis { signs, .. }) => {
-            let odd = signs.iter().product::<f64>() < 0.0;
-            let sensor = if odd { Sensor::Gyroscope } else { Sensor::Accelerometer };
-            Some(Fault { sensor, kind: FaultKind::Flipped, text: flipped_text(&signs) })
-        }
-    };
     let of_accelerometer = |kind, text| Fault { sensor: Sensor::Accelerometer, kind, text };
     let stretched = guessed.sensitivity.diagonal().max();
     let stretched = (stretched > STRETCHED).then(|| of_accelerometer(FaultKind::Stretched, stretched_text(stretched)));
-    let beyond = preset.zip(accelerometer).and_then(|(preset, signal)| {
+    let beyond = config.preset.zip(accelerometer).and_then(|(preset, signal)| {
         let (peak, range) = (signal.extremes.peak(), preset.datasheet().accelerometer.range);
         let text = beyond_range_text(peak, range);
         (peak > BEYOND * range).then(|| of_accelerometer(FaultKind::BeyondRange, text))
@@ -61,13 +53,33 @@ pub(super) fn detect(
     });
     let inverted = inverted.then(|| of_accelerometer(FaultKind::Inverted, inverted_text()));
     repeated
+        .chain(force.map(|text| of_accelerometer(FaultKind::Unit, text)))
         .chain(stretched)
         .chain(beyond)
-        .chain(degrees.or(dead))
+        .chain(too_fast.or(dead))
         .chain(relaxing)
         .chain(axes)
         .chain(inverted)
         .collect()
+}
+
+/// What the turns say against how the gyroscope reads.
+fn misread(turned: &Explanation, unit: RateUnit) -> Option<Fault> {
+    let fault = |sensor, kind, text| Some(Fault { sensor, kind, text });
+    match *turned {
+        Explanation::Unknown | Explanation::Agrees => None,
+        Explanation::Disagrees(angle) => {
+            fault(Sensor::Gyroscope, FaultKind::Disagreeing, disagreeing_text(angle.to_degrees()))
+        }
+        Explanation::Otherwise { per_radian, axes } => {
+            let (what, text) = units::otherwise(per_radian, axes, unit);
+            match what {
+                Misread::Unit => fault(Sensor::Gyroscope, FaultKind::Unit, text),
+                Misread::Accelerometer => fault(Sensor::Accelerometer, FaultKind::Flipped, text),
+                Misread::Gyroscope | Misread::Turned => fault(Sensor::Gyroscope, FaultKind::Flipped, text),
+            }
+        }
+    }
 }
 
 /// Takes back what must not be published.
@@ -142,13 +154,9 @@ fn repeated_text(share: f64) -> String {
 /// A rate that no gyroscope measures.
 fn too_fast_text(peak: f64) -> String {
     format!(
-        "peaks at {peak:.0} rad/s, faster than any gyroscope measures: it is in deg/s. Set gyro = {{ unit = \"deg/s\" }}"
+        "peaks at {peak:.0} rad/s, faster than any gyroscope measures: these are spikes, or it is in another unit than rad/s. \
+         Set its unit, or turn it over between two rests: the turn tells"
     )
-}
-
-/// It turned too far between rests.
-fn turned_too_far_text() -> String {
-    "between rests gravity turned as if the rates were in deg/s: set gyro = { unit = \"deg/s\" }".to_owned()
 }
 
 /// An axis of the gyroscope that never changes.
@@ -164,27 +172,10 @@ fn relaxing_text(from: f64, to: f64) -> String {
     )
 }
 
-/// Signs of the axes under which the gyroscope would explain how gravity turned.
-fn flipped_text(signs: &[f64; 3]) -> String {
-    let named = |sign: f64| {
-        let axes = ["x", "y", "z"].into_iter().zip(signs);
-        axes.filter(|(_, other)| **other == sign).map(|(axis, _)| axis).collect::<Vec<_>>().join(", ")
-    };
-    let cause = match signs.iter().filter(|sign| **sign < 0.0).count() {
-        1 => format!("the gyroscope's {} axis is flipped", named(-1.0)),
-        2 => {
-            let (kept, flipped) = (named(1.0), named(-1.0));
-            format!("the accelerometer's {kept} axis is flipped (or the gyroscope's {flipped})")
-        }
-        _ => "all axes of the gyroscope are flipped".to_owned(),
-    };
-    format!("{cause}: gravity turns between rests against what the rates say. Correct the sign in the driver")
-}
-
 /// The gyroscope does not explain how gravity turned.
 fn disagreeing_text(degrees: f64) -> String {
     format!(
-        "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no flipped axis explains it: check \
+        "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no unit or order of axes explains it: check \
          that its axes are those of the accelerometer, its unit and its time stamps, and that no samples are missing between \
          two poses"
     )

@@ -2,6 +2,7 @@
 
 use super::config::Config;
 use super::drift::Drift;
+use super::fault::FaultKind;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::{Missing, Solution};
@@ -116,16 +117,20 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
     let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
-    let degrees = gyro.is_some_and(|rate| rate > config.gyro_ceiling && rate.to_radians() < config.gyro_ceiling);
-    let hint = if degrees { "; is the gyroscope in deg/s? Set its unit" } else { "" };
     Some(format!(
-        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}{hint}. Let the sensor rest, \
+        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest, \
          or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
         said(accel),
         said(gyro),
         config.accel_ceiling,
         config.gyro_ceiling
     ))
+}
+
+/// That the readings are in another unit, which is why nothing seemed still.
+pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
+    let fault = solution.faults.iter().find(|fault| fault.kind == FaultKind::Unit)?;
+    Some(format!("{}: {}", sensor(config, fault.sensor), fault.text))
 }
 
 /// What a triad is called.

@@ -7,7 +7,7 @@ use super::guidance;
 use super::refusal::held_back;
 use super::rest_history::{JudgedRest, RestHistory};
 use super::solution::Solution;
-use super::status;
+use super::{status, units};
 use crate::Stamp;
 use crate::fit::{Estimate, Fixture, Parameterisation, Term};
 use crate::imu::Sensor;
@@ -165,7 +165,10 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let by_rests = solution.gyro_at_rest.as_ref().unwrap_or(fit);
     let at_rest = status::message(status::gyroscope(solution, by_rests));
     let turned = solution.turning.as_ref().map(|turning| turning.remarks()).unwrap_or_default();
-    let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).collect();
+    let unit = config.gyro_unit.unwrap_or_default();
+    let unconfirmed =
+        (!solution.unit_confirmed && notes.is_empty() && !config.reference).then(|| units::unconfirmed_unit(unit));
+    let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed).collect();
     let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     match (by_turns, &solution.gyro_at_rest) {
         (Some(turns), Some(bias)) if fit.shape != bias.shape => {

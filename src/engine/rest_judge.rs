@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::rest_history::{JudgedRest, Verdict};
+use super::units::{self, ForceScale};
 use crate::fit::{self, Calibration, Fixture};
-use crate::imu::Sensor;
+use crate::imu::{AccelUnit, Sensor};
 use crate::messages::segment::Reason;
 use crate::still::{self, Rest, Segmenter, Signal, TriadMean};
 
@@ -19,6 +20,8 @@ pub(super) struct Judge<'a> {
     pub(super) segmenter: &'a Segmenter,
     /// Length of gravity, m/s².
     pub(super) gravity: f64,
+    /// Unit that the accelerometer's readings were converted from.
+    pub(super) accel_unit: AccelUnit,
 }
 
 /// Which poses a model can use.
@@ -63,7 +66,7 @@ impl Judge<'_> {
             let Some((face, tilt)) = nearest else {
                 let read = rest.accelerometer.mean.norm();
                 verdict.reason = Reason::SensorFault;
-                verdict.explanation = not_gravity(read, self.gravity);
+                verdict.explanation = not_gravity(read, self.gravity, self.accel_unit);
                 verdict.face = None;
                 continue;
             };
@@ -129,7 +132,7 @@ impl Judge<'_> {
         let rate = rest.gyroscope.as_ref()?.mean;
         if !self.is_bias(&rate) {
             let explanation = format!(
-                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias {}: does it turn, or is it in deg/s?",
+                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias {}: does it turn?",
                 rate.norm(),
                 self.fit.bounds.gyro_bias
             );
@@ -204,14 +207,15 @@ fn frozen_axis(mean: &TriadMean, step: Option<f64>) -> Option<&'static str> {
 }
 
 /// What a magnitude at rest that is not gravity may be.
-fn not_gravity(read: f64, gravity: f64) -> String {
+fn not_gravity(read: f64, gravity: f64, unit: AccelUnit) -> String {
+    if let Some(scale) = ForceScale::of(read, unit.factor()) {
+        return units::not_metres(read, scale);
+    }
     let near = |value: f64| (read / value - 1.0).abs() < 0.4;
-    let guess = if near(1.0) {
+    let guess = if near(1.0) && unit == AccelUnit::default() {
         "it is in g: set accel = { unit = \"g\" }".to_owned()
     } else if read < 0.6 {
         "gravity was removed before it was recorded: record the raw accelerometer instead".to_owned()
-    } else if near(100.0 * gravity) {
-        "it is in mg or cm/s²: record it in m/s² or g".to_owned()
     } else if read > 20.0 * gravity {
         "are these raw counts of the converter? Record them in m/s² or g".to_owned()
     } else {

@@ -5,6 +5,7 @@ use super::fault::Fault;
 use super::refusal::Refusal;
 use super::turn_outcome::Turning;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
+use crate::turns::Explanation;
 
 /// Estimates that the rests determine, and the reasons for those that they do not.
 #[derive(Clone, Debug)]
@@ -39,6 +40,10 @@ pub(super) struct Solution {
     pub(super) guessed: Calibration,
     /// What speaks against the readings.
     pub(super) faults: Vec<Fault>,
+    /// What the turns say of how the gyroscope reads.
+    pub(super) turned: Explanation,
+    /// Whether the gyroscope's unit is set, or the turns confirm it.
+    pub(super) unit_confirmed: bool,
     /// What contradicts itself and cannot be decided, in words.
     pub(super) doubts: Vec<String>,
     pub(super) drift: Option<Drift>,

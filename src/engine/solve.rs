@@ -21,6 +21,7 @@ use crate::fit::{
 };
 use crate::imu::SecondaryModel;
 use crate::messages::segment::Reason;
+use crate::turns::Explanation;
 
 /// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
 /// seen before a gyroscope's bias is believed.
@@ -175,6 +176,8 @@ fn others(
         secondary,
         guessed: Calibration::default(),
         faults: Vec::new(),
+        turned: Explanation::Unknown,
+        unit_confirmed: false,
     }
 }
 

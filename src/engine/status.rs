@@ -21,6 +21,8 @@ pub(super) enum Unconfirmed {
     Disagreeing,
     /// The gyroscope turned in some rests, or was seen in too few.
     Turning,
+    /// Nothing tells the unit of the gyroscope.
+    Unit,
 }
 
 /// Whether the primary accelerometer is confirmed, or why not.
@@ -47,6 +49,9 @@ pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Uncon
     let beside_reference = fit.shape == Parameterisation::FULL_GYROSCOPE;
     if !beside_reference && (solution.gyro_placements < FEW || solution.gyro_turned > 0 || !solution.gyro_posed) {
         return Err(Unconfirmed::Turning);
+    }
+    if !beside_reference && !solution.unit_confirmed {
+        return Err(Unconfirmed::Unit);
     }
     estimate(fit)
 }

@@ -104,8 +104,9 @@ pub struct VectorConfig<Unit> {
     /// A vector to be added: the gravity that a phone takes out of its acceleration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plus: Option<FieldPath>,
-    /// Unit of the values.
-    pub unit: Unit,
+    /// Unit of the values, if it is set; m/s² or rad/s otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<Unit>,
 }
 
 /// Path to a vector.
@@ -143,6 +144,14 @@ pub enum RateUnit {
 }
 
 impl AccelUnit {
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MetresPerSecondSquared => "m/s^2",
+            Self::StandardGravity => "g",
+        }
+    }
+
     /// Factor that turns a value into m/s².
     pub fn factor(self) -> f64 {
         match self {
@@ -153,6 +162,14 @@ impl AccelUnit {
 }
 
 impl RateUnit {
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RadiansPerSecond => "rad/s",
+            Self::DegreesPerSecond => "deg/s",
+        }
+    }
+
     /// Factor that turns a value into rad/s.
     pub fn factor(self) -> f64 {
         match self {
@@ -190,17 +207,17 @@ impl<'de, Unit: Deserialize<'de> + Default> Visitor<'de> for Forms<Unit> {
 
     fn visit_str<E: de::Error>(self, text: &str) -> Result<Self::Value, E> {
         let path = text.parse().map_err(E::custom)?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), plus: None, unit: Unit::default() })
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), plus: None, unit: None })
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
         let axes = Deserialize::deserialize(SeqAccessDeserializer::new(seq))?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), plus: None, unit: Unit::default() })
+        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), plus: None, unit: None })
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
         let Table { topic, path, plus, unit } = Table::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(VectorConfig { topic, path, plus, unit: unit.unwrap_or_default() })
+        Ok(VectorConfig { topic, path, plus, unit })
     }
 }
 
@@ -223,7 +240,7 @@ mod tests {
         .unwrap();
         let path = |text: &str| text.parse::<FieldPath>().unwrap();
         assert_eq!(imu.accel.unwrap().path, Some(VectorPath::Whole(path("accel_mps2"))));
-        assert_eq!(imu.gyro.unwrap().unit, RateUnit::DegreesPerSecond);
+        assert_eq!(imu.gyro.unwrap().unit, Some(RateUnit::DegreesPerSecond));
         let axes = VectorPath::Axes([path("a[0]"), path("a[1]"), path("a[2]")]);
         assert_eq!(imu.secondary[0].accel.as_ref().unwrap().path, Some(axes));
     }

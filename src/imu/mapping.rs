@@ -1,6 +1,7 @@
 //! Channels to IMUs: which vector of which topic is which triad of which IMU, and what speaks against it.
 
 pub(super) mod channel_role;
+pub(super) mod first_readings;
 pub(super) mod known_types;
 pub(super) mod paired_topics;
 pub(super) mod position;
@@ -11,4 +12,3 @@ pub(super) mod route;
 pub(super) mod source;
 pub(super) mod suggestion;
 pub(super) mod time_source;
-pub(super) mod unit_guess;

@@ -60,6 +60,11 @@ impl History {
         }
     }
 
+    /// Takes a reading of the accelerometer.
+    pub fn feel(&mut self, sample: &Sample) {
+        self.preintegrator.feel(&sample.value);
+    }
+
     /// The driver says that a reading was clipped, about now.
     pub fn clip(&mut self) {
         self.preintegrator.clip();

@@ -1,6 +1,7 @@
 //! The way from one rest to the next, and several of them as one turn. Which rests are to be believed is left to the
 //! caller.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::piece::Piece;
@@ -116,6 +117,11 @@ impl<'a> Turn<'a> {
     /// ∫ ‖ω‖ dt of the raw rates, rad.
     pub fn path(&self) -> f64 {
         f64::from(self.sum.path)
+    }
+
+    /// Mean specific force on the way, m/s²; `None` if it rested in between.
+    pub fn force(&self) -> Option<Vector3<f64>> {
+        self.sum.force().filter(|_| self.legs.len() == 1)
     }
 
     /// Largest raw reading, rad/s.

@@ -89,9 +89,28 @@ pub fn furthest<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: 
     libm::acos(least.clamp(-1.0, 1.0))
 }
 
-/// Where specific force points behind a turn, unit vector, and nothing else.
-pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Vector3<f64> {
-    rotations(pieces, candidate, ends).fold(ends.up[0], |up, turn| exp(&turn).tr_mul(&up))
+/// Where specific force points after a turn and on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Direction after it, unit vector.
+    pub up: Vector3<f64>,
+    /// Mean of the directions on the way.
+    pub mean: Vector3<f64>,
+}
+
+/// Follows the direction of specific force along a turn, and nothing else.
+pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Followed {
+    let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
+    let (mut up, mut since, mut sum) = (ends.up[0], 0.0, Vector3::zeros());
+    for piece in pieces {
+        let share = (since + piece.seconds / 2.0) / total;
+        since += piece.seconds;
+        let bias = ends.rate[0] * (1.0 - share) + ends.rate[1] * share;
+        let next = exp(&piece.without(&bias).rotation(candidate)).tr_mul(&up);
+        sum += (up + next) * (piece.seconds / 2.0);
+        up = next;
+    }
+    Followed { up, mean: sum / total }
 }
 
 /// How the sensor turned, all in all.

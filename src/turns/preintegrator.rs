@@ -51,6 +51,8 @@ pub struct Stretch {
     pub pinned: u16,
     /// Whether the stamps broke in it.
     pub broken: bool,
+    /// Sum of specific forces that were felt in it, m/s², and how many.
+    pub(super) felt: ([f32; 3], u32),
 }
 
 impl Stretch {
@@ -70,8 +72,18 @@ impl Stretch {
             peak: self.peak.max(next.peak),
             pinned: self.pinned.saturating_add(next.pinned),
             broken: self.broken || next.broken,
+            felt: (
+                [0, 1, 2].map(|axis| self.felt.0[axis] + next.felt.0[axis]),
+                self.felt.1.saturating_add(next.felt.1),
+            ),
             ..*self
         }
+    }
+
+    /// Mean specific force in it, m/s².
+    pub fn force(&self) -> Option<Vector3<f64>> {
+        let (sum, count) = self.felt;
+        (count > 0).then(|| Vector3::from(sum.map(f64::from)) / f64::from(count))
     }
 }
 
@@ -125,6 +137,8 @@ struct Open {
     peak: f64,
     pinned: u16,
     broken: bool,
+    force: Vector3<f64>,
+    forces: u32,
 }
 
 /// Slower readings are at no end of a range, rad/s.
@@ -172,6 +186,12 @@ impl Preintegrator {
         self.close(last.plus_nanos(stamp.since(last) / 2), false)
     }
 
+    /// A specific force that was felt about now, m/s².
+    pub fn feel(&mut self, force: &Vector3<f64>) {
+        self.open.force += force;
+        self.open.forces = self.open.forces.saturating_add(1);
+    }
+
     /// The reading of this moment was clipped, says the driver.
     pub fn clip(&mut self) {
         self.open.pinned = self.open.pinned.saturating_add(Self::CLIPPED);
@@ -209,8 +229,21 @@ impl Preintegrator {
     }
 
     fn close(&mut self, end: Stamp, broken: bool) -> Option<Stretch> {
-        let Open { start, angle, coning, first_moment, seconds, path, roughness, gap, peak, pinned, broken: was } =
-            std::mem::take(&mut self.open);
+        let Open {
+            start,
+            angle,
+            coning,
+            first_moment,
+            seconds,
+            path,
+            roughness,
+            gap,
+            peak,
+            pinned,
+            broken: was,
+            force,
+            forces,
+        } = std::mem::take(&mut self.open);
         self.open.start = Some(end);
         let stretch = Stretch {
             start: start?,
@@ -222,6 +255,7 @@ impl Preintegrator {
             peak: peak as f32,
             pinned,
             broken: broken || was,
+            felt: ([0, 1, 2].map(|axis| force[axis] as f32), forces),
         };
         Some(stretch)
     }

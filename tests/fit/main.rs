@@ -18,3 +18,4 @@ mod rests;
 mod thesis;
 mod turn_messages;
 mod turns;
+mod units;

@@ -11,6 +11,7 @@ mod sessions;
 
 use faults::*;
 use learned::{Learned, Triad};
+pub use real::real_samples;
 use sessions::{Session, Variation};
 use stillpoint::imu::Sensor;
 
@@ -224,7 +225,7 @@ const CASES: &[Case] = &[
         session: |v| v.six().turned(|w| Vector3::new(w.y, w.x, w.z)),
         accelerometer: Right,
         gyroscope: Honest,
-        says: &["check that its axes"],
+        says: &["x and y axes are exchanged"],
     },
     Case {
         name: "a dead gyroscope axis",

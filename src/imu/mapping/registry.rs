@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::refusal::Cause;
 use super::route::{Route, Tap};
 use super::source::Source;
-use crate::imu::config::SecondaryModel;
+use crate::imu::config::{AccelUnit, RateUnit, SecondaryModel};
 use crate::imu::preset::Preset;
 use crate::imu::sample::{ImuId, Sensor};
 
@@ -24,6 +24,10 @@ pub struct Imu {
     pub triads: Vec<Triad>,
     /// Whether a reference is beside it.
     pub reference: bool,
+    /// Unit of its accelerometer, if the configuration sets one.
+    pub accel_unit: Option<AccelUnit>,
+    /// Unit of its gyroscope likewise.
+    pub gyro_unit: Option<RateUnit>,
     /// By [`Sensor::index`]: whether it has read nothing but zeros so far.
     pub(in crate::imu) silent: Vec<bool>,
 }
@@ -107,7 +111,9 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
     let silent = vec![true; Sensor::Secondary(source.secondaries()).index()];
     let name = free_name(source.name(), (!first).then_some(&frame_id), imus);
     let reference = source.has_reference() && first;
-    imus.push(Imu { name, topic: source.topic().to_owned(), frame_id, triads, reference, silent });
+    let (accel_unit, gyro_unit) = source.units();
+    let topic = source.topic().to_owned();
+    imus.push(Imu { name, topic, frame_id, triads, reference, accel_unit, gyro_unit, silent });
     source.imus.push((frame.to_vec(), id));
     Some(id)
 }

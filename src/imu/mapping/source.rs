@@ -98,6 +98,12 @@ impl Source {
         [accel].into_iter().chain(gyro).chain(others)
     }
 
+    /// Units of its accelerometer and gyroscope, where they are set.
+    pub(in crate::imu) fn units(&self) -> (Option<AccelUnit>, Option<RateUnit>) {
+        let ImuConfig { accel, gyro, .. } = &self.config;
+        (accel.as_ref().and_then(|accel| accel.unit), gyro.as_ref().and_then(|gyro| gyro.unit))
+    }
+
     /// Whether a reference is beside it.
     pub(in crate::imu) fn has_reference(&self) -> bool {
         self.config.reference.is_some()
@@ -127,11 +133,11 @@ impl Source {
                 known: known_gyro,
                 plus: gyro.and_then(|gyro| gyro.plus.as_ref()),
                 ignores_covariance,
-                factor: gyro.map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
+                factor: gyro.and_then(|gyro| gyro.unit).unwrap_or_default().factor(),
                 with_accel,
             });
         }
-        let accel = |config: Option<&'_ VectorConfig<AccelUnit>>| config.map_or(AccelUnit::default(), |c| c.unit);
+        let accel = |config: Option<&'_ VectorConfig<AccelUnit>>| config.and_then(|c| c.unit).unwrap_or_default();
         let known_accel = known.and_then(|known| known.accel.as_ref());
         for (i, secondary) in self.config.secondary.iter().enumerate() {
             if topic == self.secondary_topic(i) {
@@ -161,7 +167,7 @@ impl Source {
                     known: known_rate,
                     plus: reference.gyro.as_ref().and_then(|gyro| gyro.plus.as_ref()),
                     ignores_covariance,
-                    factor: reference.gyro.as_ref().map_or(RateUnit::default(), |gyro| gyro.unit).factor(),
+                    factor: reference.gyro.as_ref().and_then(|gyro| gyro.unit).unwrap_or_default().factor(),
                     with_accel: false,
                 });
             }

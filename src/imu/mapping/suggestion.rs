@@ -27,9 +27,9 @@ impl Suggestion {
         let has_gravity = candidates.iter().any(|(name, _)| name == "gravity");
         let accel = accel.or_else(|| find(is_accel).filter(|_| has_gravity));
         if let Some((name, accel)) = accel {
-            let unit = if is_in_g(name) { AccelUnit::StandardGravity } else { AccelUnit::default() };
+            let unit = is_in_g(name).then_some(AccelUnit::StandardGravity);
             let gyro = find(is_gyro).map(|(name, path)| {
-                let unit = if is_in_degrees(name) { RateUnit::DegreesPerSecond } else { RateUnit::default() };
+                let unit = is_in_degrees(name).then_some(RateUnit::DegreesPerSecond);
                 VectorConfig { path: Some(path.clone()), unit, ..VectorConfig::default() }
             });
             let gravity = candidates.iter().find(|(name, _)| name == "gravity").map(|(_, path)| path);
@@ -37,7 +37,7 @@ impl Suggestion {
             // where the names are Apple's.
             let (plus, unit) = match gravity {
                 Some(VectorPath::Whole(gravity)) if is_without_gravity(name) => {
-                    let unit = if name == "useracceleration" { AccelUnit::StandardGravity } else { unit };
+                    let unit = if name == "useracceleration" { Some(AccelUnit::StandardGravity) } else { unit };
                     (Some(gravity.clone()), unit)
                 }
                 _ => (None, unit),
@@ -136,8 +136,8 @@ impl ImuConfig {
 
     fn entries(&self) -> Vec<String> {
         let name = self.name.as_ref().map(|name| format!("name = {}", quoted(name)));
-        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline("g")));
-        let gyro = self.gyro.as_ref().map(|gyro| format!("gyro = {}", gyro.inline("deg/s")));
+        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline(AccelUnit::name)));
+        let gyro = self.gyro.as_ref().map(|gyro| format!("gyro = {}", gyro.inline(RateUnit::name)));
         let topic = format!("topic = {}", quoted(&self.topic));
         let covariance = self.covariance.map(|CovarianceUse::Ignore| "covariance = \"ignore\"".to_owned());
         [Some(topic), name, accel, gyro, covariance].into_iter().flatten().collect()
@@ -147,14 +147,14 @@ impl ImuConfig {
 impl SecondaryConfig {
     fn entries(&self) -> Vec<String> {
         let topic = self.topic.as_ref().map(|topic| format!("topic = {}", quoted(topic)));
-        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline("g")));
+        let accel = self.accel.as_ref().map(|accel| format!("accel = {}", accel.inline(AccelUnit::name)));
         [Some(format!("name = {}", quoted(&self.name))), topic, accel].into_iter().flatten().collect()
     }
 }
 
-impl<Unit: Default + PartialEq> VectorConfig<Unit> {
-    /// As a value; `other` is the name of the unit that is not the default.
-    fn inline(&self, other: &str) -> String {
+impl<Unit: Copy> VectorConfig<Unit> {
+    /// As a value, given what units are called.
+    fn inline(&self, name: fn(Unit) -> &'static str) -> String {
         let path = self.path.as_ref().map(|path| match path {
             VectorPath::Whole(path) => quoted(&path.to_string()),
             VectorPath::Axes(axes) => {
@@ -162,7 +162,7 @@ impl<Unit: Default + PartialEq> VectorConfig<Unit> {
                 format!("[{}]", axes.join(", "))
             }
         });
-        let unit = (self.unit != Unit::default()).then(|| format!("unit = {}", quoted(other)));
+        let unit = self.unit.map(|unit| format!("unit = {}", quoted(name(unit))));
         let plus = self.plus.as_ref().map(|path| format!("plus = {}", quoted(&path.to_string())));
         match (&self.topic, path, plus, unit) {
             (None, Some(path), None, None) => path,

@@ -33,6 +33,8 @@ pub(super) fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
         gyroscope: topic(Sensor::Gyroscope),
         secondary,
         preset: None,
+        accel_unit: imu.accel_unit,
+        gyro_unit: imu.gyro_unit,
         reference: imu.reference,
         still: config.still.clone(),
         fit: config.fit.clone(),

@@ -2,6 +2,7 @@
 //! left to [`remarks`].
 
 mod remarks;
+mod units;
 
 use self::remarks::peek;
 use crate::Error;

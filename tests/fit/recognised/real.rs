@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use stillpoint::config::{self, Layer};
 use stillpoint::engine::{Config, Engine};
-use stillpoint::imu::{Intake, Reading, Sensor};
+use stillpoint::imu::{Intake, Reading, Sample, Sensor};
 use stillpoint::messages::triad::{Model, Status};
 use stillpoint::record;
 
@@ -18,14 +18,25 @@ fn learn(path: &Path) -> Learned {
 }
 
 fn learn_through(path: &Path, change: impl Fn(Sensor, Vector3<f64>) -> Vector3<f64>) -> Learned {
+    let mut engine = Engine::new(Config::default());
+    let mut events = Vec::new();
+    for (sensor, mut sample) in real_samples(path) {
+        sample.value = change(sensor, sample.value);
+        engine.push(sensor, &sample, &mut events);
+    }
+    engine.finish(&mut events);
+    Learned::new(events)
+}
+
+/// What the first IMU of a recording read.
+pub fn real_samples(path: &Path) -> Vec<(Sensor, Sample)> {
+    let mut samples = Vec::new();
     let bytes = std::fs::read(path).unwrap();
     // The one recording of a type that is not known without configuration.
     let setting = r#"imu=[{topic="/sensors/imu", accel="accel_mps2", gyro="gyro_radps"}]"#;
     let unknown = path.to_string_lossy().ends_with("mpu9150_1_20_poses.protobuf.mcap");
     let layers: Vec<_> = unknown.then(|| Layer::set(setting).unwrap()).into_iter().collect();
     let mut intake = Intake::new(&config::Config::load(&layers).unwrap().imu);
-    let mut engine = Engine::new(Config::default());
-    let mut events = Vec::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {
         let message = message.unwrap();
         let schema = message.channel.schema.as_ref().map(|schema| record::Schema {
@@ -43,14 +54,12 @@ fn learn_through(path: &Path, change: impl Fn(Sensor, Vector3<f64>) -> Vector3<f
         };
         intake.channel(&channel, schema.as_ref());
         intake.message(channel.id, message.log_time, &message.data, &mut |imu, sensor, reading| {
-            if let (0, Reading::Sample(mut sample)) = (imu.index(), reading) {
-                sample.value = change(sensor, sample.value);
-                engine.push(sensor, &sample, &mut events);
+            if let (0, Reading::Sample(sample)) = (imu.index(), reading) {
+                samples.push((sensor, sample));
             }
         });
     }
-    engine.finish(&mut events);
-    Learned::new(events)
+    samples
 }
 
 #[test]

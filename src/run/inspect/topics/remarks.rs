@@ -3,8 +3,10 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::units::{self, Peeked};
 use crate::config::Config;
-use crate::imu::{AccelUnit, FirstReadings, ImuConfig, Reading, Relation, Sensor, UnitGuess};
+use crate::engine::UnitProbe;
+use crate::imu::{FirstReadings, Reading, Relation, Sensor};
 use crate::record::Event;
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::inspect::look::{ChannelLook, Stamped, Use, head};
@@ -25,6 +27,9 @@ pub(super) fn peek(
     let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
     let mut look = ChannelLook::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
+    let mut probes: BTreeMap<usize, UnitProbe> = BTreeMap::new();
+    // Gyroscopes of which no turn has told anything yet.
+    let (mut untold, mut settled) = (BTreeSet::new(), BTreeSet::new());
     let mut stamped = BTreeMap::new();
     // Of the readings that are looked at, those that have not shown enough.
     let mut open = BTreeSet::new();
@@ -36,10 +41,16 @@ pub(super) fn peek(
         };
         rates.entry(message.channel).or_default().push(message.log_time);
         let mut measured = None;
+        let mut told = None;
         look.sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
             if let Reading::Sample(sample) = reading {
                 measured = Some(sample.stamp);
                 let place = (imu.index(), sensor.index());
+                let probe = probes.entry(imu.index()).or_insert_with(|| UnitProbe::new(&config.still));
+                probe.push(sensor, &sample);
+                if sensor == Sensor::Gyroscope {
+                    told = Some(imu.index());
+                }
                 let peek = &mut peeks.entry(place).or_insert((sensor, FirstReadings::default())).1;
                 peek.push(sample);
                 if peek.wants_more() {
@@ -49,6 +60,17 @@ pub(super) fn peek(
                 };
             }
         });
+        if let Some(imu) = told {
+            let unit = look.sources.intake.imus().get(imu).and_then(|imu| imu.gyro_unit).unwrap_or_default();
+            if probes.get_mut(&imu).is_some_and(|probe| probe.is_settled(unit)) {
+                settled.insert(imu);
+            }
+            if settled.contains(&imu) {
+                untold.remove(&imu)
+            } else {
+                untold.insert(imu)
+            };
+        }
         if let (Some(measured), Entry::Vacant(new)) = (measured, stamped.entry(message.channel)) {
             let logged = Stamp::from_log_time(message.log_time);
             let is_near = |stamp: Stamp| stamp.seconds_since(logged).abs() < 3600.0;
@@ -56,16 +78,18 @@ pub(super) fn peek(
             new.insert(Stamped { samples: is_near(measured), messages });
         }
         // A topic that begins later is not waited for.
-        !peeks.is_empty() && open.is_empty()
+        !peeks.is_empty() && open.is_empty() && untold.is_empty()
     })?;
     for used in channels.iter_mut() {
         used.stamped = stamped.get(&used.channel.id).copied().unwrap_or_default();
         used.hz = rates.get(&used.channel.id).and_then(Rate::hz);
     }
+    probes.values_mut().for_each(UnitProbe::finish);
     let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
-        let triads = &look.sources.intake.imus().get(imu)?.triads;
-        let topic = triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();
-        Some(Peeked { topic, imu, sensor, peek })
+        let known = look.sources.intake.imus().get(imu)?;
+        let topic = known.triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();
+        let units = (known.accel_unit, known.gyro_unit);
+        Some(Peeked { topic, imu_topic: known.topic.clone(), imu, sensor, peek, units, probe: probes.get(&imu)? })
     });
     let peeks: Vec<_> = named.collect();
     let mut places = BTreeMap::new();
@@ -73,8 +97,12 @@ pub(super) fn peek(
         places.entry(used.channel.topic.clone()).or_insert(place);
     }
     for peeked in &peeks {
+        let remarks = units::remarks(peeked);
         if let Some(used) = places.get(&peeked.topic).and_then(|&place| channels.get_mut(place)) {
-            remark_on_unit(peeked, config, used);
+            used.remarks.extend(remarks.said(used.configuration.is_some()));
+        }
+        if let Some(used) = places.get(&peeked.imu_topic).and_then(|&place| channels.get_mut(place)) {
+            remarks.offer(peeked, config, used);
         }
     }
     // Each is held against each.
@@ -87,67 +115,6 @@ pub(super) fn peek(
         }
     }
     Ok(())
-}
-
-/// The first readings of one triad.
-struct Peeked {
-    topic: String,
-    imu: usize,
-    sensor: Sensor,
-    peek: FirstReadings,
-}
-
-/// Says in which unit a triad seems to be, and puts it into the configuration that is offered.
-fn remark_on_unit(Peeked { topic, sensor, peek, .. }: &Peeked, config: &Config, used: &mut Use) {
-    let Some(rest) = peek.at_rest() else { return };
-    let name = if *sensor == Sensor::Gyroscope { "gyroscope" } else { "accelerometer" };
-    let offered = used.configuration.is_some();
-    let says = |text: String| format!("{name}: {text}");
-    if peek.alternates() {
-        let turns = "each reading is far from the one before and near the one before that: two sensors take turns; give them topics, or frame_ids, of their own";
-        used.remarks.push(says(turns.to_owned()));
-    }
-    let is_set = config
-        .imu
-        .iter()
-        .any(|imu| imu.gyro.as_ref().is_some_and(|gyro| gyro.topic.as_ref().unwrap_or(&imu.topic) == topic));
-    let remark = match peek.looks(*sensor) {
-        UnitGuess::Right if offered => says(format!("reads {rest:.2} m/s² at rest, as it should")),
-        UnitGuess::Right => return,
-        UnitGuess::Accel(unit) => {
-            let unit_name = if unit == AccelUnit::StandardGravity { "g" } else { "m/s^2" };
-            set_unit(used, config, |imu| imu.accel.get_or_insert_default().unit = unit);
-            says(format!(
-                "reads {rest:.2} at rest: not m/s² but g, or the other way round; the lines below say {unit_name}"
-            ))
-        }
-        UnitGuess::Unconfirmed if is_set => return,
-        UnitGuess::Unconfirmed => says(format!(
-            "reads {rest:.2} where it is quietest: the unit is unconfirmed, a turn and a wrong unit look alike; turns between \
-             two rests tell (annotate), or set gyro = {{ unit = \"…\" }}"
-        )),
-        UnitGuess::Thousandths(unit) => {
-            let unit = if unit == AccelUnit::StandardGravity { "g" } else { "m/s²" };
-            says(format!(
-                "reads {rest:.0} at rest: thousandths of {unit}, which no setting converts; record it in m/s² or g"
-            ))
-        }
-        UnitGuess::Unknown if *sensor == Sensor::Gyroscope => return,
-        UnitGuess::Unknown => says(format!(
-            "reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity removed?"
-        )),
-    };
-    used.remarks.push(remark);
-}
-
-/// Changes the configuration that is offered, that which is there, or that of a topic that has needed none.
-fn set_unit(used: &mut Use, config: &Config, change: impl FnOnce(&mut ImuConfig)) {
-    let topic = &used.channel.topic;
-    let present = config.imu.iter().find(|imu| imu.topic == *topic).cloned();
-    let imu = used
-        .configuration
-        .get_or_insert_with(|| present.unwrap_or_else(|| ImuConfig { topic: topic.clone(), ..ImuConfig::default() }));
-    change(imu);
 }
 
 /// Says which of two topics of one sensor to use.

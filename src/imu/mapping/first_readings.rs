@@ -1,29 +1,13 @@
-//! Guess of the unit of a triad by its first readings, and of whether two triads read the same. Nothing is converted.
+//! First readings of a triad: how large they are at rest, and whether two triads read the same.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Stamp;
-use crate::imu::config::AccelUnit;
-use crate::imu::sample::{Sample, Sensor};
+use crate::imu::sample::Sample;
 
 /// The first readings of a triad.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FirstReadings(Vec<Sample>);
-
-/// Unit that readings seem to be in.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum UnitGuess {
-    /// As configured.
-    Right,
-    /// In another unit that can be configured.
-    Accel(AccelUnit),
-    /// Of a gyroscope: it may be turning, or in another unit.
-    Unconfirmed,
-    /// In thousandths of a unit: of m/s² or of g.
-    Thousandths(AccelUnit),
-    /// Nothing can be told: too few readings, or never at rest.
-    Unknown,
-}
 
 /// Relation of two accelerometers with the same stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,9 +24,6 @@ const MOST: usize = 1000;
 /// Readings of the quietest of which one may hope that it is at rest.
 const WINDOW: usize = 50;
 
-/// Standard gravity, m/s².
-const G: f64 = 9.80665;
-
 impl FirstReadings {
     /// Takes a reading.
     pub fn push(&mut self, sample: Sample) {
@@ -56,34 +37,17 @@ impl FirstReadings {
         self.0.len() < MOST
     }
 
-    /// Magnitude of the readings where they vary least.
-    pub fn at_rest(&self) -> Option<f64> {
+    /// Magnitude of the readings where they vary least, and whether they vary by less than a tenth of it there.
+    pub fn at_rest(&self) -> Option<(f64, bool)> {
         let spread = |window: &&[Sample]| {
             let mean = mean(window);
             window.iter().map(|sample| (sample.value - mean).norm_squared()).sum::<f64>()
         };
         let windows = self.0.chunks_exact(WINDOW.min(self.0.len().max(1)));
         let quietest = windows.min_by(|a, b| spread(a).total_cmp(&spread(b)))?;
-        Some(mean(quietest).norm())
-    }
-
-    /// Unit that the readings, taken in m/s² or rad/s, seem to be in.
-    pub fn looks(&self, sensor: Sensor) -> UnitGuess {
-        let Some(rest) = self.at_rest() else { return UnitGuess::Unknown };
-        let is_near = |unit: f64| (0.85 * unit..1.15 * unit).contains(&rest);
-        if sensor != Sensor::Gyroscope {
-            return match () {
-                () if is_near(G) => UnitGuess::Right,
-                () if is_near(1.0) => UnitGuess::Accel(AccelUnit::StandardGravity),
-                () if is_near(G * G) => UnitGuess::Accel(AccelUnit::MetresPerSecondSquared),
-                () if is_near(1000.0 * G) => UnitGuess::Thousandths(AccelUnit::MetresPerSecondSquared),
-                () if is_near(1000.0) => UnitGuess::Thousandths(AccelUnit::StandardGravity),
-                () => UnitGuess::Unknown,
-            };
-        }
-        // No gyroscope turns at more than 4000 °/s, nor has it an offset of 20 °/s (0.35 rad/s) at rest.
-        let largest = self.0.iter().map(|sample| sample.value.norm()).fold(0.0, f64::max);
-        if largest > 70.0 || rest > 0.35 { UnitGuess::Unconfirmed } else { UnitGuess::Unknown }
+        let magnitude = mean(quietest).norm();
+        let deviation = (spread(&quietest) / quietest.len() as f64).sqrt();
+        Some((magnitude, deviation < magnitude / 10.0))
     }
 
     /// Whether two sensors seem to take turns: each reading is far from the one before, and near the one before that.
@@ -144,6 +108,9 @@ fn is_affine(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> bool {
 mod tests {
     use super::*;
 
+    /// Standard gravity, m/s².
+    const G: f64 = 9.80665;
+
     fn peek(value: impl Fn(f64) -> [f64; 3]) -> FirstReadings {
         let mut peek = FirstReadings::default();
         for i in 0..1500 {
@@ -158,31 +125,17 @@ mod tests {
     }
 
     #[test]
-    fn units_are_told_from_the_quietest_readings() {
-        let shaken = |scale: f64| {
+    fn the_quietest_readings_are_taken_for_those_at_rest() {
+        let shaken = |rest: f64| {
             peek(move |i| {
                 let shake = if (400.0..600.0).contains(&i) { 0.0 } else { (i * 0.7).sin() * 20.0 };
-                [(noise(i, 1.3) + shake) * scale, noise(i, 2.1) * scale, (G + shake) * scale]
+                [noise(i, 1.3) + shake, noise(i, 2.1), rest + shake]
             })
         };
-        assert_eq!(shaken(1.0).looks(Sensor::Accelerometer), UnitGuess::Right);
-        assert_eq!(shaken(1.0 / G).looks(Sensor::Accelerometer), UnitGuess::Accel(AccelUnit::StandardGravity));
-        assert_eq!(shaken(G).looks(Sensor::Accelerometer), UnitGuess::Accel(AccelUnit::MetresPerSecondSquared));
-        let thousandths = UnitGuess::Thousandths(AccelUnit::StandardGravity);
-        assert_eq!(shaken(1000.0 / G).looks(Sensor::Secondary(0)), thousandths);
-        assert_eq!(shaken(0.3).looks(Sensor::Accelerometer), UnitGuess::Unknown);
-        assert_eq!(FirstReadings::default().looks(Sensor::Accelerometer), UnitGuess::Unknown);
-    }
-
-    #[test]
-    fn the_unit_of_a_gyroscope_that_reads_much_is_unconfirmed() {
-        let unconfirmed = UnitGuess::Unconfirmed;
-        assert_eq!(peek(|i| [0.6, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), unconfirmed);
-        assert_eq!(
-            peek(|i| [if i > 900.0 { 90.0 } else { 0.01 }, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope),
-            unconfirmed
-        );
-        assert_eq!(peek(|i| [0.01, noise(i, 1.0), 0.0]).looks(Sensor::Gyroscope), UnitGuess::Unknown);
+        let (rest, quiet) = shaken(9.81).at_rest().unwrap();
+        assert!(quiet && (rest - 9.81).abs() < 0.02, "{rest}");
+        assert!(!shaken(0.03).at_rest().unwrap().1);
+        assert_eq!(FirstReadings::default().at_rest(), None);
     }
 
     #[test]

@@ -1,0 +1,121 @@
+//! What the first messages show of units, in words, and what that changes in the configuration that is offered.
+
+use crate::config::Config;
+use crate::engine::{UnitFinding, UnitProbe, unconfirmed_unit, unit_of_gravity};
+use crate::imu::{AccelUnit, FirstReadings, ImuConfig, RateUnit, Sensor};
+use crate::run::inspect::look::Use;
+
+/// The first readings of one triad.
+pub(super) struct Peeked<'a> {
+    pub(super) topic: String,
+    /// Topic of the accelerometer of its IMU.
+    pub(super) imu_topic: String,
+    /// Index of that IMU.
+    pub(super) imu: usize,
+    pub(super) sensor: Sensor,
+    pub(super) peek: FirstReadings,
+    /// Those that are set of accelerometer and gyroscope.
+    pub(super) units: (Option<AccelUnit>, Option<RateUnit>),
+    pub(super) probe: &'a UnitProbe,
+}
+
+/// Remarks on one triad.
+#[derive(Debug, Default)]
+pub(super) struct Remarks {
+    /// What is to be said anyway, and what only of a mapping that is offered.
+    always: Vec<String>,
+    offered: Option<String>,
+    accel: Option<AccelUnit>,
+    gyro: Option<RateUnit>,
+}
+
+/// What the readings of a triad show.
+pub(super) fn remarks(peeked: &Peeked<'_>) -> Remarks {
+    let mut remarks = Remarks::default();
+    let gyroscope = peeked.sensor == Sensor::Gyroscope;
+    let name = if gyroscope { "gyroscope" } else { "accelerometer" };
+    if peeked.peek.alternates() {
+        remarks.always.push(format!(
+            "{name}: each reading is far from the one before and near the one before that: two sensors take turns; give them \
+             topics, or frame_ids, of their own"
+        ));
+    }
+    match peeked.sensor {
+        Sensor::Gyroscope => of_gyroscope(peeked, &mut remarks),
+        Sensor::Accelerometer => of_accelerometer(peeked, peeked.probe.gravity(), &mut remarks),
+        _ => of_accelerometer(peeked, None, &mut remarks),
+    }
+    remarks
+}
+
+fn of_gyroscope(peeked: &Peeked<'_>, remarks: &mut Remarks) {
+    let (_, set) = peeked.units;
+    match peeked.probe.gyroscope(set.unwrap_or_default()) {
+        UnitFinding::Confirmed => {
+            remarks.offered = Some(format!(
+                "gyroscope: reads in {}, as the turns between rests show",
+                set.unwrap_or_default().name()
+            ));
+        }
+        UnitFinding::Other(text, unit) => {
+            remarks.always.push(format!("gyroscope: {text}"));
+            remarks.gyro = unit;
+        }
+        // A unit that is set is not asked for.
+        UnitFinding::Unknown if set.is_some() => {}
+        UnitFinding::Unknown => remarks.always.push(format!("gyroscope: {}", unconfirmed_unit(RateUnit::default()))),
+    }
+}
+
+fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Remarks) {
+    let Some((quietest, quiet)) = peeked.peek.at_rest() else { return };
+    let set = peeked.units.0.filter(|_| peeked.sensor == Sensor::Accelerometer);
+    let rest = gravity.unwrap_or(quietest);
+    let finding = match quiet || gravity.is_some() {
+        true => unit_of_gravity(rest, set.unwrap_or_default()),
+        false => UnitFinding::Unknown,
+    };
+    match finding {
+        UnitFinding::Confirmed => {
+            remarks.offered = Some(format!("accelerometer: reads {rest:.2} m/s² at rest, as it should"));
+        }
+        UnitFinding::Other(text, unit) => {
+            remarks.always.push(format!("accelerometer: {text}"));
+            remarks.accel = unit.filter(|_| peeked.sensor == Sensor::Accelerometer);
+        }
+        UnitFinding::Unknown => remarks.always.push(format!(
+            "accelerometer: reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity \
+             removed?"
+        )),
+    }
+}
+
+impl Remarks {
+    /// The lines to print, of a topic whose mapping is offered or not.
+    pub(super) fn said(&self, offered: bool) -> Vec<String> {
+        self.always.iter().chain(self.offered.iter().filter(|_| offered)).cloned().collect()
+    }
+
+    /// Puts the units into the configuration that is offered for the topic of the IMU: that which is there, or that of a
+    /// topic that has needed none.
+    pub(super) fn offer(&self, peeked: &Peeked<'_>, config: &Config, used: &mut Use) {
+        if self.accel.is_none() && self.gyro.is_none() {
+            return;
+        }
+        let topic = &peeked.imu_topic;
+        let present = || config.imu.iter().find(|imu| imu.topic == *topic).cloned();
+        let imu = used.configuration.get_or_insert_with(|| {
+            present().unwrap_or_else(|| ImuConfig { topic: topic.clone(), ..ImuConfig::default() })
+        });
+        if let Some(unit) = self.accel {
+            imu.accel.get_or_insert_default().unit = Some(unit);
+        }
+        if let Some(unit) = self.gyro {
+            let gyro = imu.gyro.get_or_insert_default();
+            gyro.unit = Some(unit);
+            if peeked.topic != *topic {
+                gyro.topic = Some(peeked.topic.clone());
+            }
+        }
+    }
+}
