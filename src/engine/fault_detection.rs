@@ -71,8 +71,8 @@ fn misread(turned: &Explanation, unit: RateUnit) -> Option<Fault> {
         Explanation::Disagrees(angle) => {
             fault(Sensor::Gyroscope, FaultKind::Disagreeing, disagreeing_text(angle.to_degrees()))
         }
-        Explanation::Otherwise { per_radian, axes } => {
-            let (what, text) = units::otherwise(per_radian, axes, unit);
+        Explanation::Otherwise { per_radian, or, axes } => {
+            let (what, text) = units::otherwise(per_radian, or, axes, unit);
             match what {
                 Misread::Unit => fault(Sensor::Gyroscope, FaultKind::Unit, text),
                 Misread::Accelerometer => fault(Sensor::Accelerometer, FaultKind::Flipped, text),

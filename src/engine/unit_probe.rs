@@ -93,8 +93,8 @@ impl UnitProbe {
     pub fn gyroscope(&self, unit: RateUnit) -> UnitFinding<RateUnit> {
         match self.explanation(unit) {
             Explanation::Agrees => UnitFinding::Confirmed,
-            Explanation::Otherwise { per_radian, axes } => {
-                let (_, text) = units::otherwise(per_radian, axes, unit);
+            Explanation::Otherwise { per_radian, or, axes } => {
+                let (_, text) = units::otherwise(per_radian, or, axes, unit);
                 UnitFinding::Other(text, units::rate_unit(per_radian, unit))
             }
             Explanation::Unknown | Explanation::Disagrees(_) => UnitFinding::Unknown,

@@ -110,10 +110,10 @@ pub(super) enum Misread {
     Turned,
 }
 
-/// Kind of what is wrong, and the words for it. `per_radian` are readings a rad/s, taken for rad/s by a unit.
-pub(super) fn otherwise(per_radian: f64, axes: AxisOrder, unit: RateUnit) -> (Misread, String) {
+/// Kind of what is wrong, and the words for it. `per_radian` are readings a rad/s, or else `or`, taken for rad/s by a unit.
+pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit: RateUnit) -> (Misread, String) {
     let right = (0.8..1.25).contains(&per_radian);
-    let unit = (!right).then(|| other_unit(per_radian / unit.factor()));
+    let unit = (!right).then(|| other_unit(per_radian / unit.factor(), or.map(|or| or / unit.factor())));
     let order = (axes != AxisOrder::RIGHT).then(|| other_axes(axes));
     match (unit, order) {
         (Some(unit), Some((_, order))) => (Misread::Unit, format!("{unit}; {order}")),
@@ -125,23 +125,22 @@ pub(super) fn otherwise(per_radian: f64, axes: AxisOrder, unit: RateUnit) -> (Mi
     }
 }
 
-/// That rates are in another unit, given how much was recorded of a rad/s.
-fn other_unit(recorded: f64) -> String {
-    let unit = match RateScale::near(recorded) {
-        RateScale::Radians => "in rad/s: set gyro = { unit = \"rad/s\" }",
-        RateScale::Degrees => "in deg/s: set gyro = { unit = \"deg/s\" }",
-        RateScale::Milliradians => "in mrad/s, which no setting converts: record them in rad/s or deg/s",
-        RateScale::Millidegrees => {
-            "in thousandths of a deg/s, which no setting converts: record them in rad/s or deg/s"
-        }
-        RateScale::Counts(a_degree) => {
-            return format!(
-                "between rests gravity turned as if the rates were raw counts of the converter, {a_degree:.1} a °/s, which no \
-                 setting converts: record them in rad/s or deg/s"
-            );
-        }
+/// That rates are in another unit, given how much was recorded of a rad/s, or else.
+fn other_unit(recorded: f64, or: Option<f64>) -> String {
+    let called = |recorded: f64| match RateScale::near(recorded) {
+        RateScale::Radians => "in rad/s".to_owned(),
+        RateScale::Degrees => "in deg/s".to_owned(),
+        RateScale::Milliradians => "in mrad/s".to_owned(),
+        RateScale::Millidegrees => "in thousandths of a deg/s".to_owned(),
+        RateScale::Counts(a_degree) => format!("raw counts of the converter, {a_degree:.1} a °/s"),
     };
-    format!("between rests gravity turned as if the rates were {unit}")
+    let or = or.map(|or| format!(", or {}", called(or))).unwrap_or_default();
+    let remedy = match RateScale::near(recorded) {
+        RateScale::Radians => ": set gyro = { unit = \"rad/s\" }",
+        RateScale::Degrees => ": set gyro = { unit = \"deg/s\" }",
+        _ => ", which no setting converts: record them in rad/s or deg/s",
+    };
+    format!("between rests gravity turned as if the rates were {}{or}{remedy}", called(recorded))
 }
 
 /// How axes stand that are not in order.
@@ -243,10 +242,10 @@ mod tests {
             (7600.0, "131.0 a °/s"),
             (57_000.0, "thousandths of a deg/s"),
         ] {
-            let (kind, text) = otherwise(per_radian, AxisOrder::RIGHT, rad);
+            let (kind, text) = otherwise(per_radian, None, AxisOrder::RIGHT, rad);
             assert!(kind == Misread::Unit && text.contains(word), "{per_radian}: {text}");
         }
-        let (_, text) = otherwise(1_f64.to_radians(), AxisOrder::RIGHT, RateUnit::DegreesPerSecond);
+        let (_, text) = otherwise(1_f64.to_radians(), None, AxisOrder::RIGHT, RateUnit::DegreesPerSecond);
         assert!(text.contains("unit = \"rad/s\""), "{text}");
     }
 

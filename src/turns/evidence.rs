@@ -35,6 +35,8 @@ pub enum Explanation {
     Otherwise {
         /// Readings a rad/s.
         per_radian: f64,
+        /// Another number of them that is nearly as likely.
+        or: Option<f64>,
         /// How its axes stand.
         axes: AxisOrder,
     },
@@ -53,6 +55,8 @@ struct Hypothesis {
 const SURE: f64 = 4.0;
 /// Of each turn, where an agreement needs no comparison.
 const EVIDENT: f64 = 4.0;
+/// What rates that are right never miss gravity by, rad.
+const REFUTED: f64 = 0.6;
 /// Turns before anything is said of axes, or that nothing explains them.
 const LEAST_TURNS: usize = 3;
 
@@ -157,10 +161,18 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
     let is_right = reading.axes == AxisOrder::RIGHT && (0.8..1.25).contains(&reading.per_radian);
     match (sure, is_right) {
         (true, true) => Explanation::Agrees,
-        (true, false) => Explanation::Otherwise { per_radian: reading.per_radian, axes: reading.axes },
+        (true, false) => {
+            let near = tried.iter().skip(1).find(|(odds, other)| !is_other(other) && best - odds < SURE);
+            Explanation::Otherwise {
+                per_radian: reading.per_radian,
+                or: near.map(|(_, other)| other.per_radian),
+                axes: reading.axes,
+            }
+        }
         (false, _) if turns.len() >= LEAST_TURNS && as_it_is < -SURE && best < SURE => {
             let squares: f64 = turns.iter().map(|turn| turn.miss(Hypothesis::AS_IT_IS).powi(2)).sum();
-            Explanation::Disagrees((squares / turns.len() as f64).sqrt())
+            let miss = (squares / turns.len() as f64).sqrt();
+            if miss > REFUTED { Explanation::Disagrees(miss) } else { Explanation::Unknown }
         }
         (false, _) => Explanation::Unknown,
     }

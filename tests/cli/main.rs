@@ -8,6 +8,7 @@ mod session;
 
 mod containers;
 mod in_place;
+mod met_cases;
 mod mistakes;
 mod readme;
 mod real_recordings;
