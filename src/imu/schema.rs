@@ -13,6 +13,9 @@ use layout::{Layout, SchemaError, Wire};
 
 use crate::record::Schema;
 
+/// Longest JSON message whose fields are looked at, in bytes (1 MiB): all of it is taken apart.
+const LONGEST_EXAMPLE: usize = 1 << 20;
+
 impl Layout {
     /// The layout that a schema describes, for messages of the given encoding.
     ///
@@ -47,8 +50,9 @@ impl Layout {
         Ok(Self { wire, messages })
     }
 
-    /// The layout of JSON messages like this one; none if it is not a JSON object.
+    /// The layout of JSON messages like this one; none if it is not a JSON object, or longer than an example need be.
     pub fn of_example(name: &str, data: &[u8]) -> Option<Self> {
+        (data.len() <= LONGEST_EXAMPLE).then_some(())?;
         Some(Self { wire: Wire::Json, messages: jsonschema::example(name, data)? })
     }
 }

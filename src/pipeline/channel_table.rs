@@ -15,6 +15,11 @@ pub(crate) struct ChannelTable {
     schemas: BTreeMap<u16, Schema>,
     /// Places among the entries, by the ids of this split.
     here: BTreeMap<u16, usize>,
+    /// The same by the ids in the recording, and by topic.
+    by_id: BTreeMap<u16, usize>,
+    by_topic: BTreeMap<String, Vec<usize>>,
+    /// All ids below are taken.
+    lowest: u16,
     /// Whether splits came before, whose channels may come again.
     continued: bool,
 }
@@ -36,7 +41,9 @@ impl Entry {
 
     /// Whether it is the same as a channel of another split, whatever the ids are.
     fn is(&self, channel: &Channel, schema: Option<&Schema>) -> bool {
-        let definition = |schema: &Schema| (schema.name.clone(), schema.encoding.clone(), schema.data.clone());
+        fn definition(schema: &Schema) -> (&str, &str, &[u8]) {
+            (&schema.name, &schema.encoding, &schema.data)
+        }
         self.channel.topic == channel.topic
             && self.channel.message_encoding == channel.message_encoding
             && self.schema.as_ref().map(definition) == schema.map(definition)
@@ -71,7 +78,7 @@ impl ChannelTable {
 
     /// The channel of that id in the recording.
     pub(crate) fn by_id(&self, id: u16) -> Option<&Entry> {
-        self.entries.iter().find(|entry| entry.channel.id == id)
+        self.entries.get(*self.by_id.get(&id)?)
     }
 
     /// All channels of the recording so far.
@@ -84,19 +91,32 @@ impl ChannelTable {
             return None;
         }
         let schema = self.schemas.get(&channel.schema_id);
-        let same = |entry: &Entry| self.continued && !entry.met && entry.is(channel, schema);
-        if let Some(place) = self.entries.iter().position(same) {
+        let alike = self.by_topic.get(&channel.topic).filter(|_| self.continued);
+        let is_same =
+            |&&place: &&usize| self.entries.get(place).is_some_and(|entry| !entry.met && entry.is(channel, schema));
+        if let Some(&place) = alike.into_iter().flatten().find(is_same) {
             self.entries.get_mut(place)?.met = true;
             self.here.insert(channel.id, place);
             return None;
         }
-        // Nobody has 65,536 channels; the last id would be shared.
-        let is_free = |id: &u16| self.entries.iter().all(|entry| entry.channel.id != *id);
-        let id = std::iter::once(channel.id).chain(0..=u16::MAX).find(is_free).unwrap_or(u16::MAX);
-        let entry = Entry { channel: Channel { id, ..channel.clone() }, schema: schema.cloned(), met: true };
-        self.here.insert(channel.id, self.entries.len());
-        self.entries.push(entry);
+        let schema = schema.cloned();
+        let (id, place) = (self.free_id(channel.id), self.entries.len());
+        self.here.insert(channel.id, place);
+        self.by_id.entry(id).or_insert(place);
+        self.by_topic.entry(channel.topic.clone()).or_default().push(place);
+        self.entries.push(Entry { channel: Channel { id, ..channel.clone() }, schema, met: true });
         self.entries.last()
+    }
+
+    /// This id, or the lowest free one if it is taken. Nobody has 65,536 channels; the last id would be shared.
+    fn free_id(&mut self, wanted: u16) -> u16 {
+        if !self.by_id.contains_key(&wanted) {
+            return wanted;
+        }
+        while self.lowest < u16::MAX && self.by_id.contains_key(&self.lowest) {
+            self.lowest += 1;
+        }
+        self.lowest
     }
 }
 

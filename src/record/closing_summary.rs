@@ -62,7 +62,8 @@ impl ClosingSummary {
         let known =
             found.counts.keys().all(|id| found.channels.contains_key(id)) && found.channels.values().all(schemas);
         if !known
-            || total != Some(found.counts.values().sum::<u64>())
+            || total.is_none()
+            || total != found.counts.values().try_fold(0_u64, |sum, &count| sum.checked_add(count))
             || chunks.is_empty()
             || walk.offset() != footer.section.end
         {

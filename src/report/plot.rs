@@ -31,9 +31,9 @@ impl Scale {
         Self { low: low - margin, high: high + margin, log: false }
     }
 
-    /// Decades around two positive values.
+    /// Decades around two positive values, if these are no smaller or larger than anything that is measured.
     pub(super) fn decades(low: f64, high: f64) -> Self {
-        let (low, high) = (low.max(1e-12), high.max(1e-11));
+        let (low, high) = (low.clamp(1e-12, 1e15), high.clamp(1e-11, 1e16));
         Self { low: low.log10().floor(), high: high.log10().ceil().max(low.log10().floor() + 1.0), log: true }
     }
 

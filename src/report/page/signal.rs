@@ -129,12 +129,14 @@ fn mean(rest: &Rest<'_>) -> Option<[f64; 3]> {
 pub(super) fn statistic(imu: &Imu<'_>) -> String {
     let noise = noise(imu);
     let outline = &imu.timeline.statistic;
-    let (Some(range), Some([enter, leave])) = (outline.range(), imu.timeline.thresholds) else {
+    // Those of a recording may be anybody's.
+    let thresholds = imu.timeline.thresholds.filter(|both| both.iter().all(|&one| one.is_finite() && one > 0.0));
+    let (Some(range), Some([enter, leave])) = (outline.range(), thresholds) else {
         return section("Noise at rest", &noise);
     };
     let mut plot = Plot::new(
         Scale::linear(0.0, imu.seconds, 0.0),
-        Scale::decades(range.low.clamp(0.1, enter), range.high.clamp(leave * 2.0, 1e4)),
+        Scale::decades(range.low.max(0.1).min(enter), range.high.min(1e4).max(leave * 2.0)),
     );
     bands_plain(imu, &mut plot);
     for run in outline.runs() {

@@ -27,7 +27,8 @@ impl Rate {
         let median = *sorted.get(sorted.len() / 2)?;
         // The longest are gaps.
         let within = sorted.get(..sorted.len() - sorted.len() / 50)?;
-        let mean = within.iter().sum::<u64>() as f64 / within.len() as f64;
+        // Log times may be anything, so that integers would overflow.
+        let mean = within.iter().map(|&interval| interval as f64).sum::<f64>() / within.len() as f64;
         let typical = if mean > 2.0 * median as f64 && within.len() > 8 { mean } else { median as f64 };
         (typical > 0.0).then(|| 1e9 / typical)
     }
@@ -52,6 +53,7 @@ mod tests {
         assert_eq!(hz(with_a_pause), Some(100.0));
         let bursts = (0..500).map(|i: u64| i / 10 * 100_000_000 + i % 10 * 1000);
         assert!(hz(bursts).is_some_and(|hz| (80.0..125.0).contains(&hz)));
+        assert!(hz((0..100).map(|i| if i % 2 == 0 { 0 } else { u64::MAX })).is_some());
         assert_eq!(hz([5]), None);
         assert_eq!(hz([5, 5]), None);
     }
