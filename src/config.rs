@@ -5,9 +5,11 @@
 mod check;
 mod error;
 mod layer;
+mod limits;
 
 pub use error::Error;
 pub use layer::{Layer, overlay};
+pub use limits::Limits;
 
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +27,8 @@ pub struct Config {
     pub fit: fit::Config,
     /// What is written.
     pub output: annotate::OutputConfig,
+    /// What is taken from outside, at most.
+    pub limits: Limits,
 }
 
 impl Config {
@@ -52,9 +56,11 @@ impl Config {
         Ok(config)
     }
 
-    /// The whole configuration in one fixed order, as TOML that [`load`](Self::load) reads back.
+    /// The whole configuration in one fixed order, as TOML that [`load`](Self::load) reads back; what only viewers see of
+    /// it is as by default.
     pub fn canonical(&self) -> String {
-        toml::to_string(self).unwrap_or_else(|e| unreachable!("a configuration is a TOML document: {e}"))
+        let determining = Self { limits: self.limits.without_viewers(), ..self.clone() };
+        toml::to_string(&determining).unwrap_or_else(|e| unreachable!("a configuration is a TOML document: {e}"))
     }
 }
 
@@ -100,6 +106,7 @@ mod tests {
             ("fit.fixture", "[fit.fixture]\nx=1"),
             ("fit.bounds", "[fit.bounds]\nx=1"),
             ("output", "[output]\nx=1"),
+            ("limits", "[limits]\nx=1"),
             ("imu", "[[imu]]\nx=1"),
             ("imu.reference", "[[imu]]\ntopic='t'\n[imu.reference]\nx=1"),
             ("imu.secondary", "[[imu]]\ntopic='t'\n[[imu.secondary]]\nx=1"),
@@ -121,6 +128,14 @@ mod tests {
         for config in [Config::default(), Config::load(&[file(&everything())]).unwrap()] {
             assert_eq!(Config::load(&[file(&config.canonical())]).unwrap(), config);
         }
+    }
+
+    #[test]
+    fn what_only_viewers_see_makes_no_other_configuration() {
+        let of = |set: &str| Config::load(&[Layer::set(set).unwrap()]).unwrap().canonical();
+        let default = Config::default().canonical();
+        assert_eq!(of("limits.viewers=3"), default);
+        assert_ne!(of("limits.chunk_mib=3"), default);
     }
 
     #[test]
@@ -191,6 +206,10 @@ mod tests {
         ] {
             assert_eq!(error(&[file(text)]), expected);
         }
+        assert_eq!(
+            error(&[file("[limits]\nratio = 10\nchunk_mib = 5000")]),
+            "a.toml:3: `limits.chunk_mib`: must lie between 1 and 1024, is 5000"
+        );
         let text = error(&[file("[still]\nenter = 4"), Layer::set("still.leave=3.5").unwrap()]);
         assert!(text.starts_with("--set still.leave=3.5: "), "{text}");
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::Config;
+use super::{Config, Limits};
 use crate::{fit, imu, still, topic};
 
 /// A value that makes no sense.
@@ -22,8 +22,30 @@ impl Config {
                 "`full` needs a reference: name its topic in [imu.reference] of an [[imu]] table",
             );
         }
+        limits(&self.limits)?;
         fit(&self.fit)
     }
+}
+
+fn limits(limits: &Limits) -> Result<(), Fault> {
+    let Limits { chunk_mib, ratio, record_mib, definition_mib, definitions_mib, channels, .. } = *limits;
+    let Limits { viewers, viewer_kib, viewer_rate, .. } = *limits;
+    for (key, value, most) in [
+        ("chunk_mib", chunk_mib, 1024),
+        ("ratio", ratio, 1 << 32),
+        ("record_mib", record_mib, 1024),
+        ("definition_mib", definition_mib, 1024),
+        ("definitions_mib", definitions_mib, 1024),
+        ("channels", channels, 1 << 16),
+        ("viewers", viewers as u64, 10_000),
+        ("viewer_kib", viewer_kib as u64, 1 << 20),
+        ("viewer_rate", viewer_rate.into(), 1_000_000),
+    ] {
+        if !(1..=most).contains(&value) {
+            return fault(&format!("limits.{key}"), format!("must lie between 1 and {most}, is {value}"));
+        }
+    }
+    Ok(())
 }
 
 fn imus(imus: &[imu::ImuConfig]) -> Result<(), Fault> {

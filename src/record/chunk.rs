@@ -6,13 +6,10 @@ use std::ops::Range;
 
 use zstd::stream::raw::{Decoder, InBuffer, Operation, OutBuffer};
 
+use super::limits::Limits;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::survey::Survey;
 use super::wire::Fields;
-
-/// Largest record that is held in memory, and largest chunk, compressed or not, in bytes (64 MiB). More than recorders
-/// write, and little enough that no file exhausts a machine.
-pub(super) const LIMIT: u64 = 1 << 26;
 
 /// Whether chunks of this compression can be opened.
 pub(super) fn knows(compression: &str) -> bool {
@@ -23,15 +20,23 @@ pub(super) fn knows(compression: &str) -> bool {
 #[derive(Default)]
 pub struct Opener {
     inflate: Inflate,
+    limits: Limits,
 }
 
 impl Opener {
+    /// One that opens what lies within these limits.
+    pub fn new(limits: Limits) -> Self {
+        Self { inflate: Inflate::default(), limits }
+    }
+
     /// Decompresses and checks the chunk whose bytes have been put into its [room](Opened::room).
     pub fn open(&mut self, chunk: &mut Opened) {
         std::mem::swap(&mut self.inflate.out, &mut chunk.out);
-        chunk.content = Some(locate(&chunk.body, chunk.body.len() as u64).and_then(|(header, data)| {
+        chunk.content = Some(locate(&chunk.body, chunk.body.len() as u64, &self.limits).and_then(|(header, data)| {
+            // How much was opened before, the scan knows.
+            self.limits.refuse_chunk(&header, 0, u64::MAX)?;
             let bytes = chunk.body.get(data.clone()).unwrap_or_default();
-            Content::of(&header, data, bytes, &mut self.inflate).map(Box::new)
+            Content::of(&header, data, bytes, &mut self.inflate, &self.limits).map(Box::new)
         }));
         std::mem::swap(&mut self.inflate.out, &mut chunk.out);
     }
@@ -98,9 +103,10 @@ impl Content {
         data: Range<usize>,
         bytes: &[u8],
         inflate: &mut Inflate,
+        limits: &Limits,
     ) -> Result<Self, String> {
         let place = inflate.open(header, bytes)?;
-        let survey = Survey::of(inflate.records(place, bytes))?;
+        let survey = Survey::of(inflate.records(place, bytes), limits)?;
         let mut index = header.index();
         // Without messages both are 0, whatever the header says.
         (index.start_time, index.end_time) = survey.span.unwrap_or_default();
@@ -109,7 +115,11 @@ impl Content {
 }
 
 /// Where in a chunk record's body, which has this length and begins like this, the compressed records are.
-pub(super) fn locate(body: &[u8], length: u64) -> Result<(ChunkHeader<'_>, Range<usize>), String> {
+pub(super) fn locate<'a>(
+    body: &'a [u8],
+    length: u64,
+    limits: &Limits,
+) -> Result<(ChunkHeader<'a>, Range<usize>), String> {
     let mut fields = Fields(body);
     let header = ChunkHeader::parse(&mut fields).ok_or("a malformed chunk record")?;
     let start = body.len() - fields.0.len();
@@ -117,7 +127,10 @@ pub(super) fn locate(body: &[u8], length: u64) -> Result<(ChunkHeader<'_>, Range
     let size = header.compressed_size;
     match size {
         _ if size > room => Err(format!("a chunk that claims {size} bytes but has {room}")),
-        _ if size > LIMIT => Err(format!("a chunk of {size} bytes: those of more than {LIMIT} are not opened")),
+        _ if size > limits.chunk => {
+            let most = limits.chunk;
+            Err(format!("a chunk of {size} bytes: those of more than {most} are not opened (limits.chunk_mib)"))
+        }
         _ => Ok((header, start..start + size as usize)),
     }
 }
@@ -134,15 +147,9 @@ pub(super) struct Inflate {
 impl Inflate {
     /// The records of the chunk whose compressed bytes are `data`; `None` if they are `data` itself.
     ///
-    /// Why they cannot be had is told in words.
+    /// Why they cannot be had is told in words. Whether they are not too many is for [`Limits`] to say.
     pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Place, String> {
-        let size = usize::try_from(header.uncompressed_size)
-            .ok()
-            .filter(|_| header.uncompressed_size <= LIMIT)
-            .ok_or_else(|| {
-                let size = header.uncompressed_size;
-                format!("a chunk that claims {size} uncompressed bytes: those of more than {LIMIT} are not opened")
-            })?;
+        let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
         self.more = false;
         let place = match header.compression {
             "" => Place::Plain,

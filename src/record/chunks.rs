@@ -140,8 +140,7 @@ impl Chunks {
 
     fn chunk(&mut self, file: &mut impl ReadAt, frame: Frame) -> Result<Chunk, Error> {
         let header = ChunkHeader::parse(&mut Fields(self.walk.body(file, frame, HEAD)?));
-        let compressed = header.filter(|header| !header.compression.is_empty());
-        let inflated = compressed.map_or(0, |header| header.uncompressed_size);
+        let inflated = header.map_or(0, |header| header.inflated());
         Ok(Chunk { offset: frame.offset, length: frame.length, inflated, channels: Some(Vec::new()) })
     }
 }

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use super::limits::Limits;
 use super::marks::{INDEXES, METADATA, TAIL};
 use super::records::Header;
 use super::summary::Summary;
@@ -33,13 +34,11 @@ pub struct Inventory {
     pub(super) summary_only: SummaryOnly,
     /// What the schemas and channels take, in bytes.
     defined: u64,
+    /// What compressed chunks were opened to, in bytes.
+    pub(super) opened: u64,
     /// What is not used: in order, none touching another.
     pub(super) lost: Vec<Range<u64>>,
 }
-
-/// Most bytes that schemas and channels may take together (16 MiB): more than robots have, and little enough to be held
-/// several times over.
-pub(super) const DEFINITIONS: u64 = 1 << 24;
 
 /// Ids that only the summary section defines.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -196,7 +195,8 @@ impl Inventory {
     }
 
     /// Why what these records define is more than can be held, if it is.
-    pub(super) fn refuses(&self, survey: &Survey) -> Option<String> {
+    pub(super) fn refuses(&self, survey: &Survey, limits: &Limits) -> Option<String> {
+        let Limits { definitions, channels: most, .. } = *limits;
         let Summary { schemas, channels, .. } = &self.summary;
         let new =
             survey.schemas.iter().filter(|schema| !schemas.contains_key(&schema.id)).map(Schema::size).sum::<u64>()
@@ -206,8 +206,19 @@ impl Inventory {
                     .filter(|channel| !channels.contains_key(&channel.id))
                     .map(Channel::size)
                     .sum::<u64>();
-        (new > 0 && new + self.defined > DEFINITIONS)
-            .then(|| format!("schemas and channels of more than {DEFINITIONS} bytes: no more are used"))
+        if new > 0 && new + self.defined > definitions {
+            let what = "schemas and channels of more than";
+            return Some(format!("{what} {definitions} bytes: no more are used (limits.definitions_mib)"));
+        }
+        let ids: BTreeSet<u16> = survey.channels.iter().map(|channel| channel.id).collect();
+        let count = channels.len() as u64 + ids.iter().filter(|id| !channels.contains_key(id)).count() as u64;
+        (count > channels.len() as u64 && count > most)
+            .then(|| format!("more than {most} channels: no more are used (limits.channels)"))
+    }
+
+    /// What compressed chunks were opened to, in bytes.
+    pub fn opened(&self) -> u64 {
+        self.opened
     }
 
     pub(super) fn learn_schema(&mut self, schema: Schema) -> Learned {

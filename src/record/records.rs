@@ -127,6 +127,11 @@ impl<'a> ChunkHeader<'a> {
         })
     }
 
+    /// What is in it takes so many bytes beside it, as it claims.
+    pub(super) fn inflated(&self) -> u64 {
+        if self.compression.is_empty() { 0 } else { self.uncompressed_size }
+    }
+
     /// The index of a chunk, as far as its header tells.
     pub(super) fn index(&self) -> ChunkIndex {
         ChunkIndex {

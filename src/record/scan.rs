@@ -25,6 +25,7 @@ mod resume;
 mod resync;
 mod search;
 mod summary_section;
+mod swallowed;
 mod telling;
 
 use std::collections::VecDeque;
@@ -41,11 +42,12 @@ use self::original::{Ours, Recognising};
 pub use self::position::Position;
 use self::search::{Search, Synchronisation};
 use self::summary_section::SummarySection;
+use self::swallowed::LOOK;
 use self::telling::Telling;
 use super::chunk::{Inflate, Opened};
 use super::horizon::{Extent, Frame, Horizon, Stop};
 use super::wire::{FRAME, op};
-use super::{Error, Inventory, Message};
+use super::{Error, Inventory, Limits, Message};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
 ///
@@ -104,6 +106,7 @@ pub struct Scan {
     supply: Option<Supply>,
     spent: Option<Opened>,
     data_crc: DataCrc,
+    limits: Limits,
 }
 
 /// What becomes of a chunk that a scan [offers](Scan::offering_chunks).
@@ -115,6 +118,15 @@ pub enum Supply {
     Unread,
     /// The scan is to read it itself.
     Absent,
+}
+
+impl Supply {
+    fn into_opened(self) -> Option<Opened> {
+        match self {
+            Self::Opened(opened) => Some(opened),
+            Self::Unread | Self::Absent => None,
+        }
+    }
 }
 
 /// An event without its data, which stays where it is.
@@ -173,6 +185,11 @@ impl Scan {
     pub fn finish(&mut self) {
         self.finish_ours();
         self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
+    }
+
+    /// The same, but no more is taken of the recording than these limits say.
+    pub fn within_limits(self, limits: Limits) -> Self {
+        Self { limits, ..self }
     }
 
     /// The same, but chunks are not read without being [offered](Event::Chunk): they may come from elsewhere.
@@ -359,6 +376,7 @@ impl Scan {
             Bounds::Sound if self.summary.begun => self.summary_record(frame),
             Bounds::Sound => self.data_record(frame),
             Bounds::Ends(next) => {
+                self.sync.looked += frame.length.min(LOOK);
                 self.indexes.orphans = true;
                 self.inventory.lose(frame.offset..next);
                 self.damage(

@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use mcap::MAGIC;
 use serde::{Deserialize, Serialize};
 
-use super::chunk::{Inflate, LIMIT, locate};
+use super::chunk::{Inflate, locate};
 use super::emitter::{Emitter, Manner, Taken};
 use super::fold::{library, write_settings};
+use super::limits::Limits;
 use super::records::Header;
 use super::summary::Summary;
 use super::walk::{ReadAt, Walk};
@@ -81,8 +82,10 @@ impl SidecarBlocks {
             let damaged = |what: String| Error::Sidecar { offset: frame.offset, what };
             match frame.opcode {
                 op::CHUNK => {
-                    let body = self.walk.body(file, frame, LIMIT)?;
-                    let (header, data) = locate(body, frame.length).map_err(damaged)?;
+                    let limits = Limits::default();
+                    let body = self.walk.body(file, frame, limits.chunk)?;
+                    let (header, data) = locate(body, frame.length, &limits).map_err(damaged)?;
+                    limits.refuse_chunk(&header, 0, u64::MAX).map_err(damaged)?;
                     let data = body.get(data).unwrap_or_default();
                     let place = self.inflate.open(&header, data).map_err(damaged)?;
                     let records = self.inflate.records(place, data);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::limits::Limits;
 use super::wire::{Fields, op};
 use super::{Channel, Message, Schema};
 
@@ -40,8 +41,8 @@ impl Tally {
 }
 
 impl Survey {
-    /// Looks over all of `records`; what is wrong with them is told in words.
-    pub(super) fn of(records: &[u8]) -> Result<Self, &'static str> {
+    /// Looks over all of `records`; what is wrong with them, or too large, is told in words.
+    pub(super) fn of(records: &[u8], limits: &Limits) -> Result<Self, String> {
         let mut survey = Self::default();
         let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
         let mut fields = Fields(records);
@@ -49,6 +50,9 @@ impl Survey {
             let offset = (records.len() - fields.0.len()) as u64;
             let (opcode, body) = fields.record().ok_or("a record that runs past the end of its chunk")?;
             match opcode {
+                op::SCHEMA | op::CHANNEL if body.len() as u64 > limits.definition => {
+                    return Err(limits.refuse_definition(opcode, body.len() as u64));
+                }
                 op::MESSAGE => {
                     survey.message(&Message::parse(body).ok_or("a message record of less than 22 bytes")?, offset);
                 }

@@ -263,7 +263,7 @@ fn correct_all(
             keep(index, block)
         };
         let mut correcting = Correcting { pass: &mut pass, keep };
-        split.scan(&|at| watch(done + at), &mut correcting)?;
+        split.scan(config.limits.of_recordings(), &|at| watch(done + at), &mut correcting)?;
         correcting.pass.end_split();
         correcting.keep()?;
         done += split.length();

@@ -47,14 +47,6 @@ fn sound_recordings() -> Vec<Sound> {
 }
 
 impl Sound {
-    /// The bytes that a message takes for its own whose length is wrong, where another record ends there, too.
-    fn swallowed(&self, file: &[u8], place: usize) -> Option<Range<usize>> {
-        let (range, _) = self.records.iter().find(|(range, _)| range.contains(&place) && file[range.start] == 0x05)?;
-        let length = u64::from_le_bytes(file[range.start + 1..range.start + 9].try_into().unwrap());
-        let end = usize::try_from(length).ok()?.checked_add(range.start + 9)?;
-        self.records.iter().any(|(other, _)| other.end == end).then(|| range.start..end.max(range.end))
-    }
-
     fn new(name: String, file: Vec<u8>, chunked: bool) -> Self {
         let (mut records, mut data_end) = (Vec::new(), 0);
         let mut at = MAGIC.len();
@@ -159,6 +151,83 @@ fn a_message_that_became_an_end_of_the_data_ends_nothing() {
     }
 }
 
+/// Gives the record at `at` the length with which it ends at `end`.
+fn stretch(file: &[u8], at: usize, end: usize) -> Vec<u8> {
+    let mut file = file.to_vec();
+    file[at + 1..at + 9].copy_from_slice(&((end - at - 9) as u64).to_le_bytes());
+    file
+}
+
+#[test]
+fn a_record_whose_wrong_length_ends_where_another_one_does_swallows_nothing() {
+    let mut rng = randomness();
+    for sound in sound_recordings().into_iter().filter(|sound| !sound.chunked) {
+        let opaque = |&at: &usize| at < sound.data_end && matches!(sound.file[at], 0x05 | 0x80..);
+        let starts = sound.records.iter().map(|(range, _)| range.start).filter(opaque);
+        // Within the attachment that is a recording itself records end, too.
+        let within = sound.file.windows(MAGIC.len()).enumerate().skip(1).find(|(_, bytes)| *bytes == MAGIC).unwrap().0;
+        let mut inner = within + MAGIC.len();
+        let mut ends: Vec<usize> = sound.records.iter().map(|(range, _)| range.end).collect();
+        while inner + 9 < sound.file.len() && sound.file[inner] != 0x0F {
+            inner += 9 + u64::from_le_bytes(sound.file[inner + 1..inner + 9].try_into().unwrap()) as usize;
+            ends.push(inner);
+        }
+        for at in starts.collect::<Vec<_>>() {
+            let behind: Vec<usize> = ends.iter().copied().filter(|&end| end > at + 40).collect();
+            for _ in 0..4 {
+                let end = behind[rng.random_range(0..behind.len())];
+                if sound.records.iter().any(|(range, _)| *range == (at..end)) {
+                    continue;
+                }
+                let (found, damage) = told(&stretch(&sound.file, at, end));
+                let others = sound.messages(|range| range.start != at);
+                let lost = others.iter().filter(|message| !found.contains(message)).count();
+                assert!(lost == 0 && damage > 0, "{}: {lost} lost between {at} and {end}", sound.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn long_messages_swallow_nothing_and_are_told_whatever_their_lengths() {
+    let lengths = [200_000, 70_000, 300_000, 70_000, 66_000, 1000, 200_000, 120_000, 5, 90_000];
+    let messages = lengths.iter().enumerate().map(|(n, &length)| ((n % 3) as u16, n as u64 + 1, length)).collect();
+    let file = Recipe { chunked: false, attachments: Vec::new(), private: false, messages, ..Recipe::plain() }.write();
+    let (all, damage) = told(&file);
+    assert_eq!((all.len(), damage), (lengths.len(), 0));
+    let starts: Vec<usize> = {
+        let mut at = MAGIC.len();
+        let next = |at: usize| at + 9 + u64::from_le_bytes(file[at + 1..at + 9].try_into().unwrap()) as usize;
+        let all = std::iter::from_fn(|| {
+            let this = at;
+            at = next(at);
+            Some(this)
+        });
+        all.take_while(|&at| file[at] != 0x0F).filter(|&at| file[at] == 0x05).collect()
+    };
+    for (n, &at) in starts.iter().enumerate() {
+        for &end in &starts[n + 1..] {
+            if starts.get(n + 1) == Some(&end) {
+                continue;
+            }
+            let (found, damage) = told(&stretch(&file, at, end));
+            let lost = all.iter().filter(|message| message.1 != n as u32 && !found.contains(message)).count();
+            assert!(lost == 0 && damage > 0, "message {n} until {end}: {lost} lost");
+        }
+    }
+}
+
+#[test]
+fn a_record_of_a_few_bytes_that_became_an_end_of_the_data_ends_nothing() {
+    use crate::records::{channel, chunk, message, record, recording};
+    for behind in [[chunk(&message(1, 6)), chunk(&message(1, 7))], [message(1, 6), message(1, 7)]] {
+        let data = [&[channel(1, 0), message(1, 5), record(0x0F, b"ours")][..], &behind].concat();
+        let (found, damage) = told(&recording(&data, &[]));
+        assert_eq!(found.iter().map(|message| message.2).collect::<Vec<_>>(), [5, 6, 7]);
+        assert!(damage > 0);
+    }
+}
+
 #[test]
 fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
     let mut rng = randomness();
@@ -168,12 +237,11 @@ fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
             let flip = rng.random_range(1..=255_u8);
             let mut file = sound.file.clone();
             file[place] ^= flip;
-            let at = format!("{}, byte {place} ^ {flip:#x} of {}", sound.name, file.len());
+            let hit = sound.records.iter().map(|(range, _)| range).find(|range| range.contains(&place));
+            let what = hit.map(|range| (sound.file[range.start], range.clone()));
+            let at = format!("{}, byte {place} ^ {flip:#x} of {}, in {what:?}", sound.name, file.len());
             let (found, damage) = told(&file);
-            // A message outside chunks whose wrong length ends where another record does takes what lies between for its own.
-            let swallowed =
-                (!sound.chunked).then(|| sound.swallowed(&file, place)).flatten().unwrap_or(place..place + 1);
-            let others = sound.messages(|range| range.end <= swallowed.start || swallowed.end <= range.start);
+            let others = sound.messages(|range| !range.contains(&place));
             let lost = others.iter().filter(|message| !found.contains(message)).count();
             assert_eq!(lost, 0, "{at}");
             // What is wrong within a message outside chunks cannot be told, since it has no CRC.

@@ -1,5 +1,7 @@
 //! Recordings that would take more memory than a machine has: the limit is named, and the rest is used.
 
+use stillpoint::record::{Event, Limits, Scan};
+
 use crate::drive::{Told, messages, scan};
 use crate::records::{channel, chunk, message, record, recording, schema, text};
 
@@ -32,7 +34,10 @@ fn a_chunk_that_opens_to_more_than_is_held_is_named() {
         let said = complaints(&around(&[zstd(&[0; 1000], claims)]));
         assert_eq!(
             said,
-            [format!("a chunk that claims {claims} uncompressed bytes: those of more than 67108864 are not opened")]
+            [format!(
+                "a chunk that claims {claims} uncompressed bytes: those of more than 67108864 are not opened \
+                 (limits.chunk_mib)"
+            )]
         );
     }
 }
@@ -49,11 +54,60 @@ fn definitions_that_say_nothing_new_take_nothing() {
 #[test]
 fn schemas_that_take_too_much_together_are_named() {
     let large = |id: u16| {
-        let data = "x".repeat(6 << 20);
+        let data = "x".repeat(3 << 20);
         record(0x03, &[&id.to_le_bytes()[..], &text("pkg/msg/T"), &text("ros2msg"), &text(&data)].concat())
     };
     let chunks: Vec<Vec<u8>> = (10..20).map(|id| zstd(&large(id), large(id).len() as u64)).collect();
     let said = complaints(&around(&chunks));
-    assert_eq!(said.len(), 8, "{said:?}");
-    assert!(said.iter().all(|what| what == "schemas and channels of more than 16777216 bytes: no more are used"));
+    assert_eq!(said.len(), 5, "{said:?}");
+    let what = "schemas and channels of more than 16777216 bytes: no more are used (limits.definitions_mib)";
+    assert!(said.iter().all(|said| said == what), "{said:?}");
+}
+
+#[test]
+fn a_definition_that_is_too_long_is_named_wherever_it_stands() {
+    let long = "x".repeat(5 << 20);
+    let schema = record(0x03, &[&9_u16.to_le_bytes()[..], &text("T"), &text("ros2msg"), &text(&long)].concat());
+    let channel = record(0x04, &[&9_u16.to_le_bytes()[..], &[0; 2], &text(&long), &text("cdr"), &[0; 4]].concat());
+    let metadata = record(0x0C, &[text("robot"), text(&long)].concat());
+    for (what, record) in [("schema", schema), ("channel", channel), ("metadata", metadata)] {
+        let chunked = chunk(&record);
+        for between in [record.clone(), chunked].into_iter().take(if what == "metadata" { 1 } else { 2 }) {
+            let length = record.len() - 9;
+            let said = complaints(&around(&[between]));
+            let named = "those of more than 4194304 are not read (limits.definition_mib)";
+            assert_eq!(said, [format!("a {what} record of {length} bytes: {named}")]);
+        }
+    }
+}
+
+#[test]
+fn chunks_that_open_to_much_more_than_the_recording_has_are_named_and_the_others_are_used() {
+    let zeros = record(0x90, &vec![0; 60 << 20]);
+    let bomb = zstd(&zeros, zeros.len() as u64);
+    let said = complaints(&around(&vec![bomb; 6]));
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said.iter().all(|what| what.contains("more than 250 times its length") && what.contains("limits.ratio")));
+}
+
+#[test]
+fn more_channels_than_are_allowed_are_named() {
+    let limits = Limits { channels: 2, ..Limits::default() };
+    let file = recording(&[channel(1, 0), channel(2, 0), channel(3, 0), message(1, 5), message(2, 6)], &[]);
+    let mut scan = Scan::finished(file.len() as u64).within_limits(limits);
+    let (mut said, mut messages) = (Vec::new(), 0);
+    loop {
+        match scan.next_event().unwrap() {
+            Event::Read { offset, length } => {
+                scan.insert(length).copy_from_slice(&file[offset as usize..][..length]);
+                scan.notify_read(length);
+            }
+            Event::Message(_) => messages += 1,
+            Event::Damage(damage) => said.push(damage.what),
+            Event::End => break,
+            _ => {}
+        }
+    }
+    assert_eq!(said, ["more than 2 channels: no more are used (limits.channels)"]);
+    assert_eq!(messages, 2);
 }

@@ -10,7 +10,7 @@ impl Scan {
         if !self.horizon.extent().finished {
             return Err(self.horizon.wait());
         }
-        self.stage = Stage::Asking(Box::new(Asking::new(self.horizon.offset())));
+        self.stage = Stage::Asking(Box::new(Asking::new(self.horizon.offset(), self.limits)));
         Ok(())
     }
 

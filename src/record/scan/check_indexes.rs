@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use super::message_indexes::{ChunkReindexing, OpenChunk};
 use super::{Scan, Stage};
-use crate::record::chunk::LIMIT;
 use crate::record::horizon::{Frame, Stop};
 use crate::record::records::parse_message_index;
 use crate::record::reindex::Reindexed;
@@ -14,7 +13,7 @@ use crate::record::wire::op;
 
 impl Scan {
     pub(super) fn message_index_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let body = self.horizon.body(frame, LIMIT)?;
+        let body = self.horizon.body(frame, self.limits.record)?;
         let about = parse_message_index(body).map(|(channel, _)| channel);
         let agrees = self.indexes.chunk.as_ref().is_some_and(|chunk| chunk.agrees(body).is_some());
         let Some(channel) = about else {
@@ -51,11 +50,11 @@ impl Scan {
     /// Whether what looks like something else is a message index, of which the opcode alone is damaged.
     pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
         let Some(chunk) = &self.indexes.chunk else { return Ok(false) };
-        if frame.opcode == op::MESSAGE_INDEX || !(6..=LIMIT).contains(&frame.length) {
+        if frame.opcode == op::MESSAGE_INDEX || !(6..=self.limits.record).contains(&frame.length) {
             return Ok(false);
         }
         match measure(op::MESSAGE_INDEX, self.horizon.body(frame, 6)?) == Measure::Says(frame.length) {
-            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, LIMIT)?)),
+            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, self.limits.record)?)),
             false => Ok(false),
         }
     }

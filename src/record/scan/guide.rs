@@ -4,10 +4,9 @@
 use crc32fast::Hasher;
 use mcap::MAGIC;
 
-use crate::record::chunk::LIMIT;
 use crate::record::footer::{CLOSING, Footer};
 use crate::record::horizon::{Frame, Horizon, Stop};
-use crate::record::inventory::DEFINITIONS;
+use crate::record::limits::Limits;
 use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use crate::record::wire::{DATA_END, FRAME, op};
 use crate::record::{Channel, Schema};
@@ -76,12 +75,13 @@ pub(super) struct Asking {
     kept: u64,
     schemas: Vec<Schema>,
     channels: Vec<Channel>,
+    limits: Limits,
 }
 
 impl Asking {
-    pub(super) fn new(back: u64) -> Self {
+    pub(super) fn new(back: u64, limits: Limits) -> Self {
         let (guide, schemas, channels) = Default::default();
-        Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels }
+        Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels, limits }
     }
 
     /// Reads on; whether all of the section is in order.
@@ -100,7 +100,7 @@ impl Asking {
         let footer = section.end;
         while horizon.offset() < footer {
             let frame = horizon.frame()?;
-            if frame.length > LIMIT || frame.end() > footer {
+            if frame.length > self.limits.record || frame.end() > footer {
                 return Ok(false);
             }
             let whole = horizon.peek(FRAME + frame.length as usize)?;
@@ -117,7 +117,7 @@ impl Asking {
 
     fn note(&mut self, frame: Frame, body: &[u8]) -> Option<()> {
         self.kept += if matches!(frame.opcode, op::SCHEMA | op::CHANNEL) { frame.length + 256 } else { 0 };
-        if self.kept > 2 * DEFINITIONS {
+        if self.kept > self.limits.definitions.saturating_mul(2) {
             return None;
         }
         let (offset, length, opcode) = match frame.opcode {

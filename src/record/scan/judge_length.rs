@@ -6,12 +6,13 @@ use mcap::MAGIC;
 use super::Scan;
 use super::bounds::{Bounds, REACH};
 use super::search::Search;
+use super::swallowed::{LOOK, swallowed};
+use crate::record::chunk::knows;
 use crate::record::horizon::{Frame, Stop};
-use crate::record::shape::{Measure, SPARE, begins, end, fits, head, is_defined, measure};
+use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
+use crate::record::shape::{Measure, SPARE, begins, end, fits, head, measure};
 use crate::record::wire::{FRAME, Fields, op};
-
-/// A message of this length in bytes is looked through for others (64 KiB); a longer one if none was as long before.
-const SMALL: u64 = 1 << 16;
+use crate::record::{Channel, Message, Schema};
 
 impl Scan {
     /// Judges the length of the record that begins here, all of which lies within the recording.
@@ -25,8 +26,10 @@ impl Scan {
         let content = self.measured(frame, frame.length)?;
         match content {
             Measure::Says(length) if length == frame.length => return Ok(Bounds::Sound),
-            // What stands in a record of this opcode is not known, and it is too long to look behind it.
-            Measure::Silent if fits(frame.opcode, frame.length) && frame.length > REACH => return Ok(Bounds::Sound),
+            // Too long to look behind it from here.
+            Measure::Silent if fits(frame.opcode, frame.length) && frame.length > LOOK => {
+                return Ok(Bounds::Lost(Search::behind(frame, content)));
+            }
             _ => {}
         }
         let ends = |length| end(frame.offset, length);
@@ -42,8 +45,11 @@ impl Scan {
             _ => self.goes_on_at(frame.end())?,
         };
         if follows {
-            let sound = fits(frame.opcode, frame.length);
-            return Ok(if sound { Bounds::Sound } else { Bounds::Ends(frame.end()) });
+            return match fits(frame.opcode, frame.length) {
+                true if content == Measure::Silent => self.unless_swallowing(frame, 0),
+                true => Ok(Bounds::Sound),
+                false => Ok(Bounds::Ends(frame.end())),
+            };
         }
         if let Measure::Says(length) = content
             && length < frame.length
@@ -61,24 +67,57 @@ impl Scan {
         }
     }
 
-    /// A message says nothing of its length, but the one before it on its channel does. One of another length may have
-    /// swallowed those behind it.
+    /// A message says nothing of its length, but those before it on its channel do, if all of them had the same.
     fn message_bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
         let channel = Fields(self.horizon.body(frame, 2)?).u16().unwrap_or_default();
-        let (before, longest) = self.sync.lengths.get(&channel).copied().unwrap_or_default();
-        if before == frame.length || frame.length > REACH {
-            return Ok(Bounds::Sound);
-        }
-        if !self.chain_at(frame.end())? {
+        let is_usual = self.sync.lengths.get(&channel) == Some(&Some(frame.length));
+        if !is_usual && frame.length <= LOOK && !self.chain_at(frame.end())? {
             return Ok(Bounds::Lost(Search::doubting(frame)));
         }
-        if !self.is_ours(frame) && (frame.length <= SMALL || frame.length > longest) {
-            let body = self.horizon.body(frame, REACH)?;
-            if let Some(swallowed) = swallowed(body) {
-                return Ok(Bounds::Ends(frame.offset + (FRAME + swallowed) as u64));
-            }
+        if is_usual && frame.length > LOOK {
+            return Ok(Bounds::Sound);
         }
-        Ok(Bounds::Sound)
+        // Behind the fields that every message has.
+        self.unless_swallowing(frame, 22)
+    }
+
+    /// A record whose content says nothing of its length is sound, unless whole records stand in it that reach its end.
+    fn unless_swallowing(&self, frame: Frame, from: usize) -> Result<Bounds, Stop> {
+        if self.is_ours(frame) {
+            return Ok(Bounds::Sound);
+        }
+        if frame.length > LOOK {
+            return Ok(Bounds::Lost(Search::doubting(frame)));
+        }
+        if self.sync.looked > 8 * frame.offset + 16 * LOOK {
+            return Ok(Bounds::Sound);
+        }
+        let body = self.horizon.body(frame, LOOK)?;
+        if is_chunk_in_disguise(body) {
+            return Ok(Bounds::Sound);
+        }
+        let goes_on = |at| self.chain_at(frame.offset + at);
+        let is_credible = |opcode, body: &[u8]| self.may_be_swallowed(opcode, body);
+        Ok(match swallowed(body, from, is_credible, goes_on)? {
+            Some(at) => Bounds::Ends(frame.offset + (FRAME + at) as u64),
+            None => Bounds::Sound,
+        })
+    }
+
+    /// Whether a record that seems to stand in another one is likely to be one.
+    fn may_be_swallowed(&self, opcode: u8, body: &[u8]) -> bool {
+        let mut fields = Fields(body);
+        match opcode {
+            op::MESSAGE => Message::parse(body).is_some_and(|message| {
+                self.inventory.channels().contains_key(&message.channel) || self.is_of_the_time(message.log_time)
+            }),
+            op::SCHEMA => Schema::parse(body).is_some(),
+            op::CHANNEL => Channel::parse(body).is_some(),
+            op::CHUNK => ChunkHeader::parse(&mut fields).is_some_and(|header| knows(header.compression)),
+            op::ATTACHMENT => AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some(),
+            op::METADATA => parse_metadata(body).is_some(),
+            _ => false,
+        }
     }
 
     /// What a record's content says about its length, if no more than `most` bytes of it tell.
@@ -108,7 +147,7 @@ impl Scan {
     pub(super) fn chain_at(&self, offset: u64) -> Result<bool, Stop> {
         let first = self.look(offset)?;
         let Some((opcode, length)) = first.and_then(head) else { return Ok(first.is_some_and(<[u8]>::is_empty)) };
-        if !fits(opcode, length) || length > REACH || matches!(opcode, 0x10..0x80) {
+        if !fits(opcode, length) || length > LOOK || matches!(opcode, 0x10..0x80) {
             return Ok(false);
         }
         let second = self.look(end(offset, length))?;
@@ -149,7 +188,7 @@ impl Scan {
     fn look_at(&self, offset: u64, most: usize) -> Result<Option<&[u8]>, Stop> {
         let extent = self.horizon.extent();
         let ahead = offset.saturating_sub(self.horizon.offset());
-        if ahead > 2 * REACH || (extent.finished && offset > extent.length) {
+        if ahead > 2 * LOOK || (extent.finished && offset > extent.length) {
             return Ok(None);
         }
         let left = if extent.finished { extent.length - offset } else { u64::MAX };
@@ -158,23 +197,8 @@ impl Scan {
     }
 }
 
-/// Where whole records begin that fill the rest of a message's body to its very end.
-fn swallowed(body: &[u8]) -> Option<usize> {
-    // Walks from one place lead over those that walks from others led over, so that there is work to be bounded.
-    let mut steps = body.len() / 8;
-    let next = |at: usize| {
-        let (_, length) =
-            head(body.get(at..)?).filter(|&(opcode, length)| is_defined(opcode) && fits(opcode, length))?;
-        usize::try_from(end(at as u64, length)).ok().filter(|&end| end <= body.len())
-    };
-    let fills = |start: usize| {
-        let mut at = start;
-        while at < body.len() {
-            steps = steps.checked_sub(1)?;
-            at = next(at)?;
-        }
-        Some(start)
-    };
-    // Behind the fields that every message has.
-    (22..body.len()).filter_map(fills).next()
+/// Whether a record has the content of a chunk, so that what stands in it was never swallowed: its opcode is wrong.
+fn is_chunk_in_disguise(body: &[u8]) -> bool {
+    measure(op::CHUNK, body) == Measure::Says(body.len() as u64)
+        && ChunkHeader::parse(&mut Fields(body)).is_some_and(|header| knows(header.compression))
 }

@@ -8,15 +8,18 @@ use super::search::HEAD;
 use super::telling::Telling;
 use super::{Scan, Stage, Step, Supply};
 use crate::record::Message;
-use crate::record::chunk::{Content, LIMIT, Place, locate};
+use crate::record::chunk::{Content, Place, locate};
 use crate::record::horizon::{Frame, Stop};
 use crate::record::inventory::Learned;
-use crate::record::records::{ChunkIndex, Header, MetadataIndex, parse_metadata};
+use crate::record::records::{ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_metadata};
 use crate::record::survey::Survey;
 use crate::record::wire::{FRAME, Fields, op};
 
 /// How far the log time of a message outside the chunks may lie from theirs, in nanoseconds (a day).
 const DAY: u64 = 86_400_000_000_000;
+
+/// As much as is read of the head of a chunk that is passed over, in bytes.
+const SHORT_HEAD: u64 = 128;
 
 impl Scan {
     pub(super) fn data_record(&mut self, frame: Frame) -> Result<(), Stop> {
@@ -27,12 +30,14 @@ impl Scan {
             op::CHUNK => return self.chunk_record(frame),
             op::ATTACHMENT => return self.attachment_record(frame),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::MESSAGE_INDEX | op::METADATA
-                if frame.length > LIMIT =>
+                if frame.length > self.limits.record =>
             {
-                self.reject(
-                    frame,
-                    format!("a record of {} bytes: those of more than {LIMIT} are not read", frame.length),
-                );
+                let (length, most) = (frame.length, self.limits.record);
+                let what = "are not read (limits.record_mib)";
+                self.reject(frame, format!("a record of {length} bytes: those of more than {most} {what}"));
+            }
+            op::METADATA if frame.length > self.limits.definition => {
+                self.reject(frame, self.limits.refuse_definition(frame.opcode, frame.length));
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE => return self.loose_record(frame),
             op::HEADER => self.header_record(frame)?,
@@ -81,7 +86,7 @@ impl Scan {
     }
 
     fn header_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match Header::parse(self.horizon.body(frame, LIMIT)?) {
+        match Header::parse(self.horizon.body(frame, self.limits.record)?) {
             Some(header) if self.inventory.header.is_none() => {
                 self.inventory.header = Some(header);
                 self.queue.push_back(Step::Header);
@@ -101,11 +106,11 @@ impl Scan {
             Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
             None => (None, false),
         };
-        let survey = Survey::of(whole).map_err(str::to_owned);
-        let survey = survey.and_then(|survey| match self.inventory.refuses(&survey) {
-            Some(what) => Err(what),
-            None => Ok(survey),
-        });
+        let survey =
+            Survey::of(whole, &self.limits).and_then(|survey| match self.inventory.refuses(&survey, &self.limits) {
+                Some(what) => Err(what),
+                None => Ok(survey),
+            });
         match survey {
             Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
@@ -117,8 +122,8 @@ impl Scan {
                 let ends = frame.opcode == op::MESSAGE;
                 self.inventory.loose |= ends;
                 if let Some(channel) = channel {
-                    let (last, longest) = self.sync.lengths.entry(channel).or_default();
-                    (*last, *longest) = (frame.length, frame.length.max(*longest));
+                    let usual = self.sync.lengths.entry(channel).or_insert(Some(frame.length));
+                    *usual = usual.filter(|&usual| usual == frame.length);
                 }
                 self.admit(frame, survey);
                 self.stage =
@@ -136,12 +141,16 @@ impl Scan {
     /// another record whose opcode is damaged, unless it is like the messages in the chunks.
     fn is_credible_message(&self, message: &Message<'_>) -> bool {
         let known = self.inventory.channels().contains_key(&message.channel);
-        match self.inventory.span() {
-            Some((from, until)) if self.has_chunks() => {
-                known && (from.saturating_sub(DAY)..=until.saturating_add(DAY)).contains(&message.log_time)
-            }
-            _ => known || !self.inventory.channels().is_empty(),
+        match self.has_chunks() && self.inventory.span().is_some() {
+            true => known && self.is_of_the_time(message.log_time),
+            false => known || !self.inventory.channels().is_empty(),
         }
+    }
+
+    /// Whether a log time lies near those that were seen.
+    pub(super) fn is_of_the_time(&self, log_time: u64) -> bool {
+        let near = |(from, until): (u64, u64)| from.saturating_sub(DAY)..=until.saturating_add(DAY);
+        self.inventory.span().is_some_and(|span| near(span).contains(&log_time))
     }
 
     /// Whether messages stand in chunks.
@@ -162,19 +171,39 @@ impl Scan {
 
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
         self.data_crc.chunk();
-        let (opened, content) = match self.supply.take() {
-            None if self.offering && self.stands_in_place(frame) => {
-                self.stage = Stage::Offering(frame);
-                return Ok(());
+        let supply = self.supply.take();
+        if supply.is_none() && self.offering && self.stands_in_place(frame) {
+            self.stage = Stage::Offering(frame);
+            return Ok(());
+        }
+        let supplied = match &supply {
+            Some(Supply::Opened(opened)) if opened.length() == frame.length => Some(opened.body()),
+            _ => None,
+        };
+        // The head of one that is not read is short, whatever its compression is called.
+        let most = if matches!(supply, Some(Supply::Unread)) { SHORT_HEAD } else { HEAD };
+        let head = supplied.map_or_else(|| self.horizon.body(frame, most), Ok)?;
+        // Whoever opened it, and whether it is read at all: as many bytes count as it claims.
+        let (size, refused) = match ChunkHeader::parse(&mut Fields(head)) {
+            Some(header) => match self.limits.refuse_chunk(&header, self.inventory.opened, frame.end()) {
+                Ok(()) => (header.inflated(), None),
+                Err(what) => (0, Some(what)),
+            },
+            None => (0, None),
+        };
+        let (opened, content) = match (supply, refused) {
+            (supply, Some(what)) => (supply.and_then(Supply::into_opened), Err(what)),
+            (Some(Supply::Unread), None) => {
+                self.inventory.opened = self.inventory.opened.saturating_add(size);
+                return self.unread_chunk(frame);
             }
-            Some(Supply::Unread) => return self.unread_chunk(frame),
-            Some(Supply::Opened(mut opened)) if opened.length() == frame.length => {
+            (Some(Supply::Opened(mut opened)), None) if opened.length() == frame.length => {
                 let content = opened.content.take().unwrap_or_else(|| Err("a chunk that was not opened".to_owned()));
                 (Some(opened), content.map(|content| *content))
             }
-            Some(Supply::Opened(_) | Supply::Absent) | None => (None, self.open_chunk(frame)?),
+            (Some(Supply::Opened(_) | Supply::Absent) | None, None) => (None, self.open_chunk(frame)?),
         };
-        let content = content.and_then(|content| match self.inventory.refuses(&content.survey) {
+        let content = content.and_then(|content| match self.inventory.refuses(&content.survey, &self.limits) {
             Some(what) => Err(what),
             None => Ok(content),
         });
@@ -189,11 +218,13 @@ impl Scan {
                 index.length = frame.end() - frame.offset;
                 let tallies = Some(survey.tallies.clone());
                 self.admit(frame, survey);
+                self.inventory.opened = self.inventory.opened.saturating_add(size);
                 self.indexes.chunk = Some(OpenChunk { index, tallies, span: None, followed: false });
                 self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
                 self.horizon.may_change(frame.end())?;
+                self.inventory.opened = self.inventory.opened.saturating_add(size);
                 self.spent = opened;
                 self.reject(frame, what);
                 self.indexes.orphans = true;
@@ -205,23 +236,22 @@ impl Scan {
 
     pub(super) fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
         let body = self.horizon.body(frame, HEAD)?;
-        let data = match locate(body, frame.length) {
+        let data = match locate(body, frame.length, &self.limits) {
             Ok((_, data)) => FRAME + data.start..FRAME + data.end,
             Err(what) => return Ok(Err(what)),
         };
         self.horizon.peek(data.end)?;
         let body = self.horizon.body(frame, HEAD)?;
-        Ok(locate(body, frame.length).and_then(|(header, _)| {
+        Ok(locate(body, frame.length, &self.limits).and_then(|(header, _)| {
             let bytes = self.horizon.within(&data);
-            Content::of(&header, data, bytes, &mut self.inflate)
+            Content::of(&header, data, bytes, &mut self.inflate, &self.limits)
         }))
     }
 
     /// A chunk that is passed over: what is in it is what its message indexes say.
     fn unread_chunk(&mut self, frame: Frame) -> Result<(), Stop> {
-        // Its head is short, whatever its compression is called.
-        let head = self.horizon.body(frame, 128)?;
-        match locate(head, frame.length).map(|(header, _)| header.index()) {
+        let head = self.horizon.body(frame, SHORT_HEAD)?;
+        match locate(head, frame.length, &self.limits).map(|(header, _)| header.index()) {
             Ok(index) => {
                 let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
                 self.indexes.chunk = Some(OpenChunk { index, tallies: None, span: None, followed: false });
@@ -263,7 +293,7 @@ impl Scan {
 
     fn metadata_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let length = frame.end() - frame.offset;
-        match parse_metadata(self.horizon.body(frame, LIMIT)?) {
+        match parse_metadata(self.horizon.body(frame, self.limits.definition)?) {
             Some((name, _)) => {
                 self.inventory.summary.metadata.push(MetadataIndex { offset: frame.offset, length, name });
             }

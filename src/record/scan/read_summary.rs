@@ -4,22 +4,24 @@ use mcap::MAGIC;
 
 use super::summary_section::SummarySection;
 use super::{Scan, Stage, Step};
-use crate::record::chunk::LIMIT;
 use crate::record::horizon::{Frame, Stop};
-use crate::record::inventory::{DEFINITIONS, Learned};
+use crate::record::inventory::Learned;
 use crate::record::wire::{FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 
 impl Scan {
     pub(super) fn summary_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        if frame.length > LIMIT {
-            self.end(format!("a record of {} bytes in the summary", frame.length));
+        if frame.length > self.limits.record {
+            self.end(format!("a record of {} bytes in the summary (limits.record_mib)", frame.length));
             return Ok(());
         }
         let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
         self.summary.kept += if is_kept { frame.length + 256 } else { 0 };
-        if self.summary.kept > 2 * DEFINITIONS {
-            self.end(format!("a summary with more than {} bytes of definitions: it is not used", 2 * DEFINITIONS));
+        let most = self.limits.definitions.saturating_mul(2);
+        if self.summary.kept > most {
+            self.end(format!(
+                "a summary with more than {most} bytes of definitions: it is not used (limits.definitions_mib)"
+            ));
             return Ok(());
         }
         let whole = self.horizon.peek(FRAME + frame.length as usize)?;

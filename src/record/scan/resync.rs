@@ -3,8 +3,9 @@
 
 use super::bounds::REACH;
 use super::search::{HEAD, Search};
+use super::swallowed::LOOK;
 use super::{Scan, Stage, Step};
-use crate::record::chunk::{LIMIT, knows};
+use crate::record::chunk::knows;
 use crate::record::horizon::{Frame, Stop};
 use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
 use crate::record::shape::{Measure, SPARE, end, fits, head};
@@ -168,7 +169,7 @@ impl Scan {
         // Where messages stand in chunks, one outside is more likely to stand in a chunk that lost its head.
         let loose = !self.has_chunks();
         match frame.opcode {
-            op::MESSAGE => return Ok(loose && frame.length <= REACH && self.chain_at(frame.end())?),
+            op::MESSAGE => return Ok(loose && frame.length <= LOOK && self.chain_at(frame.end())?),
             op::SCHEMA | op::CHANNEL | op::METADATA
                 if frame.length > HEAD && self.sync.doubted > 4 * frame.offset + 4 * REACH =>
             {
@@ -191,7 +192,9 @@ impl Scan {
         let looked_at = body.len() as u64;
         let credible = match frame.opcode {
             op::CHUNK => ChunkHeader::parse(&mut fields).is_some_and(|header| {
-                knows(header.compression) && header.uncompressed_size <= LIMIT && header.start_time <= header.end_time
+                knows(header.compression)
+                    && header.uncompressed_size <= self.limits.chunk
+                    && header.start_time <= header.end_time
             }),
             op::ATTACHMENT => AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some(),
             op::MESSAGE_INDEX => frame.length % 16 == 6 && self.begins_at(frame.end())?,
@@ -211,18 +214,29 @@ impl Scan {
         Ok(credible)
     }
 
-    /// Whether a DataEnd is one: longer than it need be, it may be a message whose opcode is wrong, and then data follows.
+    /// Whether a DataEnd is one: it may be a message or a private record whose opcode is wrong, and then data follows.
     pub(super) fn is_end_of_data(&self, frame: Frame) -> Result<bool, Stop> {
-        if frame.length == DATA_END - FRAME as u64 {
+        let behind = self.look(frame.end())?;
+        if behind.and_then(|bytes| bytes.first().copied()).is_none_or(may_follow_data) {
             return Ok(true);
         }
-        let behind = self.look(frame.end())?.and_then(|bytes| bytes.first().copied());
-        Ok(behind.is_none_or(may_follow_data))
+        if frame.length != DATA_END - FRAME as u64 {
+            return Ok(false);
+        }
+        // Of the usual length, it is one unless data follows beyond doubt.
+        let data = |bytes: &[u8]| head(bytes).filter(|&(opcode, length)| is_data(opcode) && fits(opcode, length));
+        let Some((_, length)) = behind.and_then(data) else { return Ok(true) };
+        let next = self.look(end(frame.end(), length))?;
+        Ok(next.and_then(data).is_none())
     }
 }
 
 /// Whether a record of this opcode may begin the summary section.
 fn may_follow_data(opcode: u8) -> bool {
-    let data = [0, op::HEADER, op::MESSAGE, op::CHUNK, op::MESSAGE_INDEX, op::ATTACHMENT, op::METADATA, op::DATA_END];
-    !data.contains(&opcode)
+    opcode != 0 && opcode != op::HEADER && !is_data(opcode)
+}
+
+/// Whether a record of this opcode stands in front of the summary section and nowhere else.
+fn is_data(opcode: u8) -> bool {
+    matches!(opcode, op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END)
 }

@@ -66,8 +66,11 @@ impl Search {
 /// What is known of the framing.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Synchronisation {
-    /// Length of the last and of the longest message outside chunks, by channel.
-    pub(super) lengths: BTreeMap<u16, (u64, u64)>,
+    /// Length of the messages outside chunks, by channel; `None` if it varies.
+    pub(super) lengths: BTreeMap<u16, Option<u64>>,
+    /// Bytes of records that were looked through and are looked through again, since they had swallowed others. Where
+    /// they are many more than the recording has, no more are: they may have been laid one into another.
+    pub(super) looked: u64,
     /// Where a record begins whose length is not to be doubted.
     pub(super) trusted: Option<u64>,
     /// Bytes of what looked like records and were none. Where they are many more than the recording has, long ones are

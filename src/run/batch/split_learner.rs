@@ -8,7 +8,7 @@ use crate::Error;
 use crate::config::Config;
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::no_imu;
-use crate::record::{Event, Inventory};
+use crate::record::{Event, Inventory, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::Contents;
 use crate::run::input::scan_file::Listener;
@@ -19,6 +19,7 @@ pub(super) struct SplitLearner<'a> {
     input: &'a Input,
     pub(super) learner: Learner,
     options: Options,
+    limits: Limits,
     /// Bytes of the splits that have been read.
     pub(super) done: u64,
     /// Messages in the recording.
@@ -34,7 +35,8 @@ impl<'a> SplitLearner<'a> {
             Some(channels) => learner.in_time_order(channels),
             None => learner,
         };
-        Self { input, learner, options, done: 0, messages: 0, contents: Vec::new() }
+        let limits = config.limits.of_recordings();
+        Self { input, learner, options, limits, done: 0, messages: 0, contents: Vec::new() }
     }
 
     /// Learns from the next split; what is to be written is kept where there is a place for it.
@@ -45,11 +47,11 @@ impl<'a> SplitLearner<'a> {
         kept: Option<&mut Kept>,
         watch: Watch<'_>,
     ) -> Result<Inventory, Error> {
-        let Self { input, learner, .. } = self;
+        let Self { input, learner, limits, .. } = self;
         learner.begin_split(input.split_names().nth(index), index == 0);
         let contents = Contents::default();
         let mut listening = Listening { learner, kept, contents, verify: self.options.verify };
-        let inventory = split.scan(watch, &mut listening)?;
+        let inventory = split.scan(*limits, watch, &mut listening)?;
         let is_last = index + 1 == input.splits.len();
         if is_last {
             for (name, damage) in input.blank() {

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
 use crate::Error;
-use crate::record::{Chunk, Chunks, Inventory, Opened, Opener, Supply};
+use crate::record::{Chunk, Chunks, Inventory, Limits, Opened, Opener, Supply};
 use crate::run::input::recording::{Recording, Within};
 
 /// Small chunks are handed to a thread by so many bytes (256 KiB).
@@ -16,12 +16,13 @@ const BATCH: u64 = 256 << 10;
 const ROOM: u64 = 8 << 20;
 /// Most chunks that are known of ahead.
 const CHUNKS: usize = 512;
-/// Longest chunk that is opened ahead (1 GiB); what is longer is hardly one.
-const LONGEST: u64 = 1 << 30;
+/// Longest head of a chunk that is opened ahead.
+const HEAD: u64 = 1 << 16;
 
 /// What is opened ahead.
 pub(crate) struct Prefetch<'a> {
     recording: &'a Recording,
+    limits: Limits,
     work: Sender<Job>,
     chunks: Chunks,
     queue: VecDeque<Coming>,
@@ -46,8 +47,8 @@ pub(crate) struct Job {
 }
 
 /// Opens chunks until there is nobody who might want more.
-pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording) {
-    let mut opener = Opener::default();
+pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, limits: Limits) {
+    let mut opener = Opener::new(limits);
     loop {
         let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(Job { chunks, done }) = job else { return };
@@ -67,9 +68,9 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording) {
 
 impl<'a> Prefetch<'a> {
     /// Nothing yet; what is to be opened goes to `work`.
-    pub(crate) fn new(recording: &'a Recording, work: Sender<Job>) -> Self {
+    pub(crate) fn new(recording: &'a Recording, limits: Limits, work: Sender<Job>) -> Self {
         let chunks = Chunks::new(0, recording.length());
-        Self { recording, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
+        Self { recording, limits, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
     }
 
     /// What becomes of the chunk at `offset`, where the recording was scanned so far. Whether chunks with messages on
@@ -93,7 +94,7 @@ impl<'a> Prefetch<'a> {
             self.chunks.seek(offset);
         }
         if self.held < ROOM / 2 && self.queue.len() < CHUNKS / 2 {
-            self.fill(&is_useless)?;
+            self.fill(scanned.opened(), &is_useless)?;
         }
         let is_front = |coming: &Coming| (coming.chunk.offset, coming.chunk.length) == (offset, length);
         if !self.queue.front().is_some_and(is_front) {
@@ -125,18 +126,21 @@ impl<'a> Prefetch<'a> {
         Some((chunk, opened))
     }
 
-    fn fill(&mut self, is_useless: &impl Fn(&[u16]) -> bool) -> Result<(), Error> {
+    fn fill(&mut self, opened: u64, is_useless: &impl Fn(&[u16]) -> bool) -> Result<(), Error> {
         let refused = |e: crate::record::Error| Error::reading(self.recording.path())(e);
         let (mut batch, mut size) = (Vec::new(), 0);
         let (mut sender, mut receiver) = shared();
         while self.held < ROOM && self.queue.len() < CHUNKS {
             let Some(chunk) = self.chunks.next(&mut Within(self.recording)).map_err(refused)? else { break };
             let useless = chunk.channels.as_ref().is_some_and(|channels| !channels.is_empty() && is_useless(channels));
-            if useless || chunk.length > LONGEST {
+            let Limits { chunk: longest, .. } = self.limits;
+            // What the scan will refuse is not opened at all.
+            let too_long = chunk.length > longest.saturating_add(HEAD) || chunk.inflated > longest;
+            if useless || too_long || self.limits.exceeds_ratio(opened + self.held + chunk.inflated, chunk.offset) {
                 self.queue.push_back(Coming { chunk, done: None, cost: 0 });
                 continue;
             }
-            let cost = chunk.length + chunk.inflated.min(LONGEST);
+            let cost = chunk.length + chunk.inflated;
             (self.held, size) = (self.held + cost, size + cost);
             batch.push((chunk.clone(), self.spare.pop().unwrap_or_default()));
             self.queue.push_back(Coming { chunk, done: Some(Rc::clone(&receiver)), cost });

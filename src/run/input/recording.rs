@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Error;
-use crate::record::{self, Event, Inventory, Kind, Original, ReadAt, recognise, recognise_scanned};
+use crate::record::{self, Event, Inventory, Kind, Limits, Original, ReadAt, recognise, recognise_scanned};
 use crate::run::output::in_place::{self, Access};
 
 /// Reads of less would cost more than the bytes (1 MiB).
@@ -92,7 +92,7 @@ impl Recording {
         let file = Self::open(path)?;
         let mut kind = file.kind()?;
         if kind == Kind::Recording {
-            let inventory = file.scan(&|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
+            let inventory = file.scan(Limits::default(), &|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
             kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
         }
         match kind {
@@ -133,7 +133,7 @@ impl Recording {
     /// Log time of the first message, in nanoseconds; `None` without messages.
     pub(crate) fn first_log_time(&self) -> Result<Option<u64>, Error> {
         let mut first = None;
-        let found = self.scan(&|_| Ok(()), &mut |event: Event<'_>| match event {
+        let found = self.scan(Limits::default(), &|_| Ok(()), &mut |event: Event<'_>| match event {
             Event::Message(message) => {
                 first = Some(message.log_time);
                 Err(Error::Stopped)

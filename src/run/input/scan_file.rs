@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use crate::Error;
-use crate::record::{Event, Inventory, Scan};
+use crate::record::{Event, Inventory, Limits, Scan};
 use crate::run::input::prefetch::{Prefetch, open_chunks};
 use crate::run::input::recording::{Recording, Watch};
 
@@ -17,33 +17,35 @@ const LEAST: usize = 4 << 10;
 const THREADS: usize = 8;
 
 impl Recording {
-    /// Reads it, passing on what the scan tells. Chunks are opened by several threads.
+    /// Reads it within limits, passing on what the scan tells. Chunks are opened by several threads.
     ///
     /// # Errors
     ///
     /// If it is not MCAP, if the system refuses, or what `watch` or the listener returns.
-    pub fn scan(&self, watch: Watch<'_>, listener: &mut impl Listener) -> Result<Inventory, Error> {
+    pub fn scan(&self, limits: Limits, watch: Watch<'_>, listener: &mut impl Listener) -> Result<Inventory, Error> {
         let (work, jobs) = channel();
         let jobs = Mutex::new(jobs);
         thread::scope(|scope| {
             let wanted = thread::available_parallelism().map_or(1, usize::from).min(THREADS);
-            let open = |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self)).is_ok();
+            let open =
+                |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self, limits)).is_ok();
             if (0..wanted).filter(open).count() == 0 {
                 // Nobody listens: the scan opens its chunks itself.
                 *jobs.lock().unwrap_or_else(PoisonError::into_inner) = channel().1;
             }
-            self.scan_with(Prefetch::new(self, work), watch, listener)
+            self.scan_with(Prefetch::new(self, limits, work), limits, watch, listener)
         })
     }
 
     fn scan_with(
         &self,
         mut ahead: Prefetch<'_>,
+        limits: Limits,
         watch: Watch<'_>,
         listener: &mut impl Listener,
     ) -> Result<Inventory, Error> {
         let length = self.length();
-        let mut scan = Scan::finished(length).offering_chunks();
+        let mut scan = Scan::finished(length).within_limits(limits).offering_chunks();
         if listener.verifies() {
             scan = scan.verifying();
         }

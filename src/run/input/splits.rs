@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::record::{Damage, Event, Kind};
+use crate::record::{Damage, Event, Kind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::output::in_place::Access;
@@ -179,19 +179,20 @@ impl Input {
         Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone(), blank: self.blank.clone() })
     }
 
-    /// Reads all of it, split by split.
+    /// Reads all of it within limits, split by split.
     ///
     /// # Errors
     ///
     /// If a split is not MCAP, if the system refuses, or what `watch` or `each` returns.
     pub(crate) fn scan(
         &self,
+        limits: Limits,
         watch: Watch<'_>,
         mut each: impl FnMut(Read<'_>) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let mut done = 0;
         for split in &self.splits {
-            split.scan(&|at| watch(done + at), &mut |event: Event<'_>| each(Read::Event(event)))?;
+            split.scan(limits, &|at| watch(done + at), &mut |event: Event<'_>| each(Read::Event(event)))?;
             each(Read::SplitEnd)?;
             done += split.length();
         }

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::config::Config;
 use crate::pipeline::annotations;
 use crate::pipeline::channel_table::ChannelTable;
-use crate::record::{Damage, Event};
+use crate::record::{Damage, Event, Limits};
 use crate::report::Findings;
 use crate::run::batch::calibrate;
 use crate::run::input::recording::Watch;
@@ -27,17 +27,17 @@ pub struct Found {
 ///
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
 pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Found, Error> {
-    let mut found = read_annotations(input, watch)?;
+    let mut found = read_annotations(input, config.limits.of_recordings(), watch)?;
     if found.imus.is_empty() {
         found.imus = calibrate(input, config, watch)?.imus;
     }
     Ok(found)
 }
 
-fn read_annotations(input: &Input, watch: Watch<'_>) -> Result<Found, Error> {
+fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<Found, Error> {
     let Found { mut imus, mut damage, mut damages } = Found::default();
     let mut table = ChannelTable::default();
-    input.scan(watch, |read| {
+    input.scan(limits, watch, |read| {
         match read {
             Read::Event(Event::Message(message)) => {
                 let Some((name, event)) = annotations::read(&table, &message) else { return Ok(()) };

@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::imu::{ChannelRole, ImuConfig, Layout, Sensor, header_stamp};
 use crate::pipeline::channel_table::Entry;
 use crate::pipeline::sources::Sources;
-use crate::record::{Channel, Event, Message};
+use crate::record::{Channel, Event, Limits, Message};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::inspect::rate::Rate;
 use crate::{Error, Stamp};
@@ -48,6 +48,7 @@ pub struct Stamped {
 /// Reads a recording from its start until `each` has seen enough, but not far.
 pub(super) fn head(
     recording: &Recording,
+    limits: Limits,
     watch: Watch<'_>,
     mut each: impl FnMut(Event<'_>) -> bool,
 ) -> Result<(), Error> {
@@ -60,7 +61,8 @@ pub(super) fn head(
         watch(done)?;
         if done > HEAD { stop(&enough) } else { Ok(()) }
     };
-    match recording.scan(&watch, &mut |event: Event<'_>| if each(event) { stop(&enough) } else { Ok(()) }) {
+    let mut listener = |event: Event<'_>| if each(event) { stop(&enough) } else { Ok(()) };
+    match recording.scan(limits, &watch, &mut listener) {
         Err(Error::Stopped) if enough.get() => Ok(()),
         scanned => scanned.map(drop),
     }

@@ -51,7 +51,7 @@ fn report_data_in_order(
     });
     let mut splits = input.split_names();
     learner.iter_mut().for_each(|learner| learner.begin_split(splits.next(), true));
-    input.scan(watch, |read| {
+    input.scan(config.limits.of_recordings(), watch, |read| {
         match read {
             Read::Event(event) => {
                 timelines.take(&event);

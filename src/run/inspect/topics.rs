@@ -97,14 +97,14 @@ fn look_through(
         Some(end) => {
             end.schemas.values().for_each(|schema| look.take(Event::Schema(schema)));
             end.channels.values().for_each(|channel| look.take(Event::Channel(channel)));
-            head(recording, watch, |event| {
+            head(recording, config.limits.of_recordings(), watch, |event| {
                 look.take(event);
                 !look.sources.intake.is_untold()
             })?;
             (end.counts, end.span)
         }
         None => {
-            let inventory = recording.scan(watch, &mut |event: Event<'_>| {
+            let inventory = recording.scan(config.limits.of_recordings(), watch, &mut |event: Event<'_>| {
                 look.take(event);
                 Ok(())
             })?;

@@ -20,7 +20,7 @@ use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::SidecarFile;
 
 /// What a checkpoint begins with; another layout gets another number.
-const MAGIC: &[u8; 16] = b"stillpointtail04";
+const MAGIC: &[u8; 16] = b"stillpointtail05";
 /// What every layout begins with.
 const OURS: &[u8] = b"stillpointtail";
 /// Of magic and checksum.

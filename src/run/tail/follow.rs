@@ -131,7 +131,7 @@ impl Shell<'_> {
             let event = match course.scan.next_event() {
                 // What a later file lacks does not undo the ones before. It may begin yet.
                 Err(_) if !course.done.is_empty() => {
-                    course.scan = Scan::new();
+                    course.scan = Scan::new().within_limits(self.config.limits.of_recordings());
                     break Reached::Here;
                 }
                 event => event.map_err(|error| Error::unfit(course.growing.path(), error.to_string()))?,

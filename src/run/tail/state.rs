@@ -70,7 +70,7 @@ impl Progression {
             trail,
             done: Vec::new(),
             growing: from_the_start(first)?,
-            scan: Scan::new(),
+            scan: Scan::new().within_limits(shell.config.limits.of_recordings()),
             learner,
             sidecar: None,
             profile: String::new(),
@@ -87,7 +87,7 @@ impl Progression {
     ) -> Result<Self, Error> {
         let State { done, position, learner, sidecar, profile, blocks, length, .. } = state;
         shell.appending.cut(length)?;
-        let scan = Scan::resume(position);
+        let scan = Scan::resume(position).within_limits(shell.config.limits.of_recordings());
         let learner = learner.resume(shell.config);
         let mut course = Self { trail, done, growing, scan, learner, sidecar, profile, blocks };
         course.recall(&shell.appending, shell.stop)?;

@@ -34,7 +34,7 @@ pub(super) fn peek(
     // Of the readings that are looked at, those that have not shown enough.
     let mut open = BTreeSet::new();
     let mut rates: BTreeMap<u16, Rate> = BTreeMap::new();
-    head(recording, watch, |event| {
+    head(recording, config.limits.of_recordings(), watch, |event| {
         let Event::Message(message) = event else {
             look.take(event);
             return false;
