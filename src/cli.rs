@@ -135,6 +135,17 @@ pub struct Annotate {
     pub configuration: Configuration,
 }
 
+#[cfg(feature = "live")]
+#[derive(Debug, Args)]
+pub struct Viewing {
+    /// Show what grows to Foxglove and Lichtblick as it comes; without an address, on this machine alone
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
+    pub live: Option<SocketAddr>,
+    /// Also serve viewers on pages of this origin (https://viewer.example), or by this host name (robot.example)
+    #[arg(long, value_name = "NAME", requires = "live")]
+    pub live_allow: Vec<String>,
+}
+
 #[derive(Debug, Args)]
 pub struct Tail {
     /// The recording, a file or a rosbag2 folder; it may not be there yet
@@ -150,10 +161,9 @@ pub struct Tail {
     /// How often to look whether it has grown
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
     pub poll: Duration,
-    /// Show it to Foxglove and Lichtblick as it comes; without an address, on this machine alone
     #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
-    pub live: Option<SocketAddr>,
+    #[command(flatten)]
+    pub viewing: Viewing,
     /// Keep the annotations as a file of their own beside the annotated recording
     #[arg(long)]
     pub keep_sidecar: bool,
@@ -189,10 +199,9 @@ pub struct Watch {
     /// Serve /healthz, /readyz and Prometheus /metrics here; without an address, on this machine alone
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464", value_parser = address)]
     pub metrics: Option<SocketAddr>,
-    /// Show growing recordings to Foxglove and Lichtblick as they come; without an address, on this machine alone
     #[cfg(feature = "live")]
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
-    pub live: Option<SocketAddr>,
+    #[command(flatten)]
+    pub viewing: Viewing,
     /// How often to look through the directory
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "1s")]
     pub interval: Duration,

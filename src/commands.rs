@@ -139,8 +139,11 @@ fn layer(path: &Path) -> Result<Layer, Error> {
 
 /// Listens for viewers, if that was asked for.
 #[cfg(feature = "live")]
-fn live(address: Option<std::net::SocketAddr>) -> Result<Option<stillpoint::run::Live>, Error> {
-    let live = address.map(stillpoint::run::Live::open).transpose()?;
+fn live(viewing: &crate::cli::Viewing, config: &Config) -> Result<Option<stillpoint::run::Live>, Error> {
+    let stillpoint::config::Limits { viewers, viewer_kib, viewer_rate, .. } = config.limits;
+    let allowed = viewing.live_allow.clone();
+    let viewers = stillpoint::run::Viewers { most: viewers, owed: viewer_kib << 10, rate: viewer_rate, allowed };
+    let live = viewing.live.map(|address| stillpoint::run::Live::open(address, viewers)).transpose()?;
     if let Some(live) = &live {
         tracing::info!("live at ws://{}", live.address());
     }

@@ -19,7 +19,7 @@ pub use input::{Input, Listener, Made, Watch, made, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
 pub use limits::{allow_many_files, outlive_file_size_limit};
 #[cfg(feature = "live")]
-pub use live::{Live, Session};
+pub use live::{Live, Session, Viewers};
 pub use output::{Access, Partial, Reads, Written, default_output, take_back};
 pub use stop::Stop;
 pub use tail::{Following, Tailed, sidecar_of, tail};

@@ -32,7 +32,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     };
     let mut view = View::new(args.input.display().to_string());
     #[cfg(feature = "live")]
-    let live = super::live(args.live)?;
+    let live = super::live(&args.viewing, &config)?;
     #[cfg(feature = "live")]
     let mut session = live.as_ref().map(|live| match earlier.clone() {
         Some(earlier) => live.session().corrected_by(earlier, &config),

@@ -19,14 +19,15 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
         return Err(Error::input(&args.folder, why));
     }
     std::fs::read_dir(&args.folder).map_err(Error::io("read", &args.folder))?;
-    let config = Arc::new(RwLock::new(configuration(&args.configuration)?));
+    let read = configuration(&args.configuration)?;
+    #[cfg(feature = "live")]
+    let live = super::live(&args.viewing, &read)?;
+    let config = Arc::new(RwLock::new(read));
     reload_on_hangup(args.configuration.clone(), config.clone())?;
     let metrics = Arc::new(Metrics::default());
     if let Some(address) = args.metrics {
         info!("metrics at http://{}/metrics", run::serve(address, metrics.clone())?);
     }
-    #[cfg(feature = "live")]
-    let live = super::live(args.live)?;
     let show = || -> Box<dyn FnMut(&News<'_>)> {
         #[cfg(feature = "live")]
         if let Some(mut session) = live.as_ref().map(run::Live::session) {

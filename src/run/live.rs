@@ -4,15 +4,19 @@
 //! No viewer can hold a tail up. Each has a queue of its own, and a slow one loses its oldest messages; one that takes
 //! nothing at all for many seconds is let go.
 
+mod door;
+mod gate;
 mod previous_calibration;
 mod queue;
 mod session;
 mod shared;
+mod unfinished;
 
+pub use gate::Viewers;
 pub use session::Session;
 
 use std::fmt;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
@@ -34,35 +38,49 @@ pub struct Live {
 }
 
 impl Live {
-    /// Listens on an address; port 0 is any that is free.
+    /// Listens on an address for what viewers may do; port 0 is any that is free.
     ///
     /// # Errors
     ///
     /// If nothing can listen there.
-    pub fn open(address: SocketAddr) -> Result<Self, Error> {
+    pub fn open(address: SocketAddr, viewers: Viewers) -> Result<Self, Error> {
         let refused = |error| Error::io("listen on", address.to_string().as_ref())(error);
         let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(refused)?;
+        let listener =
+            TcpListener::bind(address).and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
+        let listener = listener.map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
         let (context, last) = (Context::new(), Arc::new(Last::default()));
-        let host = match address {
-            SocketAddr::V4(address) => address.ip().to_string(),
-            SocketAddr::V6(address) => format!("[{}]", address.ip()),
+        let serve = |host: Ipv4Addr| {
+            WebSocketServer::new()
+                .name(concat!("stillpoint ", env!("CARGO_PKG_VERSION")))
+                .bind(host.to_string(), 0)
+                .capabilities([Capability::Time])
+                .listener(last.clone())
+                .context(&context)
+                .tokio_runtime(runtime.handle())
+                .start_blocking()
         };
-        let server = WebSocketServer::new()
-            .name(concat!("stillpoint ", env!("CARGO_PKG_VERSION")))
-            .bind(host, address.port())
-            .capabilities([Capability::Time])
-            .listener(last.clone())
-            .context(&context)
-            .tokio_runtime(runtime.handle())
-            .start_blocking()
-            .map_err(|error| match error {
-                foxglove::FoxgloveError::Bind(error) => refused(error),
-                other => refused(std::io::Error::other(other)),
-            })?;
-        let address = SocketAddr::new(address.ip(), server.port());
+        let host = gate::unguessable();
+        // Not every system gives a machine more than one address of its own.
+        let (host, served) = match serve(host) {
+            Err(_) => (Ipv4Addr::LOCALHOST, serve(Ipv4Addr::LOCALHOST)),
+            served => (host, served),
+        };
+        let server = served.map_err(|error| match error {
+            foxglove::FoxgloveError::Bind(error) => refused(error),
+            other => refused(std::io::Error::other(other)),
+        })?;
+        let inner = SocketAddr::new(host.into(), server.port());
+        let (longest, rate) = (viewers.owed, viewers.rate);
+        {
+            let _inside = runtime.enter();
+            let listener = tokio::net::TcpListener::from_std(listener).map_err(refused)?;
+            runtime.spawn(gate::keep(listener, inner, viewers));
+        }
         let viewers = runtime.handle().clone();
-        let (queue, offered) = (Queue::default(), Mutex::default());
-        let shared = Arc::new(Shared { server, context, viewers, offered, queue, last });
+        let (queue, topics) = (Queue::new(longest), Mutex::default());
+        let shared = Arc::new(Shared { server, context, viewers, topics, queue, last, rate });
         let publish = {
             let shared = shared.clone();
             move || shared.publish()

@@ -1,6 +1,7 @@
 //! What a stranger, a broken disk or a hostile file may do to Stillpoint, and what must not come of it.
 #![allow(clippy::unwrap_used)]
 
+mod bounds;
 #[path = "../common/mod.rs"]
 mod common;
 mod faults;
@@ -10,6 +11,8 @@ mod planted;
 mod printed;
 mod service;
 mod specials;
+#[cfg(feature = "live")]
+mod viewers;
 
 use std::fs::File;
 use std::process::{Command, Stdio};

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::common::{Folder, Run, same_folders};
-use crate::following::{Running, length, wait_for};
+use crate::following::{Running, kill_when_saved, length, saved, wait_for};
 use crate::recorder::{Session, Style};
 
 fn assert_folder_as_batch(folder: &Folder, context: &str) {
@@ -50,14 +50,14 @@ fn a_folder_is_followed_from_file_to_file() {
 fn a_tail_of_a_folder_that_is_killed_goes_on_in_the_file_where_it_was() {
     let session = Session::six_faces();
     let folder = Folder::new();
-    let bag = folder.path().join("bag");
+    let (bag, checkpoint) = (folder.path().join("bag"), folder.path().join("bag.stillpoint.checkpoint"));
     let mut went_on = 0;
     std::thread::scope(|scope| {
         let recorder = scope.spawn(|| session.record_bag(&bag, 5, Style::default(), 12.0));
         while !recorder.is_finished() {
+            let before = saved(&checkpoint);
             let tail = Running::start_logged(&folder, "tail bag", "log");
-            std::thread::sleep(Duration::from_millis(1150));
-            tail.kill();
+            kill_when_saved(tail, &checkpoint, before, || recorder.is_finished());
             went_on += String::from_utf8_lossy(&folder.read("log")).matches("going on at byte").count();
         }
     });

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -73,6 +74,18 @@ pub fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
         assert!(began.elapsed() < Duration::from_secs(60), "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(1));
     }
+}
+
+/// Which file stands there, and when it was written; a checkpoint is replaced with each save.
+pub fn saved(checkpoint: &Path) -> Option<(u64, i64, i64)> {
+    let metadata = std::fs::metadata(checkpoint).ok()?;
+    Some((metadata.ino(), metadata.mtime(), metadata.mtime_nsec()))
+}
+
+/// Lets a tail run until it has saved where it stands, or `is_over`, and kills it.
+pub fn kill_when_saved(tail: Running, checkpoint: &Path, before: Option<(u64, i64, i64)>, is_over: impl Fn() -> bool) {
+    wait_for("a checkpoint", || is_over() || saved(checkpoint).is_some_and(|now| before != Some(now)));
+    tail.kill();
 }
 
 /// Length of a file, 0 if it is not there.

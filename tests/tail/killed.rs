@@ -7,7 +7,7 @@ use rand::RngExt as _;
 
 use crate::common::Folder;
 use crate::common::needs::randomness;
-use crate::following::{Running, assert_as_batch, length, wait_for};
+use crate::following::{Running, assert_as_batch, kill_when_saved, length, saved, wait_for};
 use crate::recorder::{Session, Style};
 
 /// What a long test varies from round to round.
@@ -117,13 +117,14 @@ fn a_tail_that_writes_corrected_messages_goes_on_with_the_calibrations_in_force(
     let session = Session::six_faces();
     let folder = Folder::new();
     let line = "tail rec.mcap --set output.corrected=causal";
+    let checkpoint = folder.path().join("rec.stillpoint.checkpoint");
     let mut went_on = 0;
     std::thread::scope(|scope| {
         let recorder = scope.spawn(|| session.record(&folder.path().join("rec.mcap"), Style::default(), 25.0));
         while !recorder.is_finished() {
+            let before = saved(&checkpoint);
             let tail = Running::start_logged(&folder, line, "log");
-            std::thread::sleep(Duration::from_millis(1200));
-            tail.kill();
+            kill_when_saved(tail, &checkpoint, before, || recorder.is_finished());
             went_on += String::from_utf8_lossy(&folder.read("log")).matches("going on at byte").count();
         }
     });

@@ -14,6 +14,8 @@ use foxglove::RawChannel;
 const BULK: usize = 1 << 14;
 /// Annotations that wait, at most: those of a day.
 const LEARNED: usize = 1 << 17;
+/// Most bytes that wait, of either (32 MiB).
+const BYTES: usize = 32 << 20;
 
 /// A message to be shown.
 pub(super) struct Item {
@@ -26,33 +28,65 @@ pub(super) struct Item {
 }
 
 /// Shared by those who put in and the one who takes out.
-#[derive(Default)]
 pub(super) struct Queue {
     waiting: Mutex<Waiting>,
     came: Condvar,
+    /// No item is longer, in bytes.
+    longest: usize,
 }
 
 #[derive(Default)]
 struct Waiting {
-    learned: VecDeque<Item>,
-    bulk: VecDeque<Item>,
+    learned: Line,
+    bulk: Line,
     closed: bool,
+}
+
+#[derive(Default)]
+struct Line {
+    items: VecDeque<Item>,
+    bytes: usize,
+}
+
+impl Line {
+    fn put(&mut self, item: Item, most: usize) -> bool {
+        let bytes = self.bytes + item.data.len();
+        let has_room = self.items.len() < most && bytes <= BYTES;
+        if has_room {
+            self.items.push_back(item);
+            self.bytes = bytes;
+        }
+        has_room
+    }
+
+    fn take(&mut self, most: usize) -> Vec<Item> {
+        let taken: Vec<_> = self.items.drain(..most.min(self.items.len())).collect();
+        self.bytes -= taken.iter().map(|item| item.data.len()).sum::<usize>();
+        taken
+    }
 }
 
 impl Waiting {
     fn is_empty(&self) -> bool {
-        self.learned.is_empty() && self.bulk.is_empty()
+        self.learned.items.is_empty() && self.bulk.items.is_empty()
     }
 }
 
 impl Queue {
+    /// One for items that are no longer, in bytes.
+    pub(super) fn new(longest: usize) -> Self {
+        Self { waiting: Mutex::default(), came: Condvar::new(), longest }
+    }
+
     /// Appends an item, if there is room.
     pub(super) fn put(&self, item: Item) {
+        if item.data.len() > self.longest {
+            return;
+        }
         let mut waiting = self.lock();
         let Waiting { learned, bulk, .. } = &mut *waiting;
-        let (items, room) = if item.is_bulk { (bulk, BULK) } else { (learned, LEARNED) };
-        if items.len() < room {
-            items.push_back(item);
+        let has_room = if item.is_bulk { bulk.put(item, BULK) } else { learned.put(item, LEARNED) };
+        if has_room {
             self.came.notify_one();
         }
     }
@@ -65,10 +99,14 @@ impl Queue {
         if waiting.closed && waiting.is_empty() {
             return None;
         }
-        let Waiting { learned, bulk, .. } = &mut *waiting;
-        let first = most.min(learned.len());
-        let then = (most - first).min(bulk.len());
-        Some(learned.drain(..first).chain(bulk.drain(..then)).collect())
+        let mut taken = waiting.learned.take(most);
+        taken.extend(waiting.bulk.take(most - taken.len()));
+        Some(taken)
+    }
+
+    /// Whether nothing waits.
+    pub(super) fn is_empty(&self) -> bool {
+        self.lock().is_empty()
     }
 
     /// Nothing more will be put in.
@@ -91,8 +129,9 @@ mod tests {
     #[test]
     fn what_was_learned_overtakes_and_never_lacks_room_for_what_was_recorded() {
         let channel = ChannelBuilder::new("/t").message_encoding("cdr").context(&Context::new()).build_raw().unwrap();
-        let queue = Queue::default();
+        let queue = Queue::new(100);
         let item = |log_time, is_bulk| Item { channel: channel.clone(), log_time, data: Vec::new(), is_bulk };
+        queue.put(Item { data: vec![0; 101], ..item(9, false) });
         (0..2 * BULK as u64).for_each(|time| queue.put(item(time, true)));
         queue.put(item(7, false));
         queue.close();
@@ -106,8 +145,19 @@ mod tests {
     }
 
     #[test]
+    fn so_many_bytes_wait_and_no_more() {
+        let channel = ChannelBuilder::new("/t").message_encoding("cdr").context(&Context::new()).build_raw().unwrap();
+        let queue = Queue::new(1 << 20);
+        let put = || queue.put(Item { channel: channel.clone(), log_time: 1, data: vec![0; 1 << 20], is_bulk: false });
+        (0..100).for_each(|_| put());
+        assert_eq!(queue.take(8, Duration::ZERO).unwrap().len(), 8);
+        (0..100).for_each(|_| put());
+        assert_eq!(queue.take(100, Duration::ZERO).unwrap().len(), BYTES >> 20);
+    }
+
+    #[test]
     fn nothing_to_show_is_no_end() {
-        let queue = Queue::default();
+        let queue = Queue::new(1);
         assert!(queue.take(1, Duration::from_millis(1)).unwrap().is_empty());
     }
 }

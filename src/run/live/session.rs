@@ -55,8 +55,9 @@ impl<'a> Session<'a> {
     }
 
     /// Also shows messages corrected by an earlier calibration, until the recording's own stands, and by that from then on.
-    pub fn corrected_by(self, calibrations: Vec<Findings>, config: &Config) -> Self {
-        Self { earlier: Some(PreviousCalibration::new(calibrations, config)), ..self }
+    pub fn corrected_by(mut self, calibrations: Vec<Findings>, config: &Config) -> Self {
+        self.earlier = Some(PreviousCalibration::new(calibrations, config));
+        self
     }
 
     /// Shows what happened. This never waits for a viewer.
@@ -158,6 +159,12 @@ impl<'a> Session<'a> {
         });
         let builder = ChannelBuilder::new(&channel.topic).message_encoding(&channel.message_encoding);
         builder.schema(schema).metadata(channel.metadata.clone()).context(&self.shared.context)
+    }
+}
+
+impl Drop for Session<'_> {
+    fn drop(&mut self) {
+        self.used.values().chain(self.annotations.values()).for_each(|channel| self.shared.leave(channel.id()));
     }
 }
 

@@ -1,7 +1,7 @@
 //! What all sessions share: the server, and the publisher that shows what waits for viewers.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use foxglove::websocket::{ChannelView, Client, ServerListener};
@@ -12,9 +12,13 @@ use super::queue::{Item, Queue};
 
 /// So many messages are shown at a time, …
 const BATCH: usize = 128;
-/// … with so much between them, that viewers keep up: each has room for 1,024 that it has not taken yet. That is 12,800
-/// a second; an IMU and its corrected twin seldom have a tenth of that.
-const PAUSE: Duration = Duration::from_millis(10);
+/// … with so much between them, that viewers keep up: each has room for 1,024 that it has not taken yet. At 12,800 a
+/// second that is 10 ms; an IMU and its corrected twin seldom have a tenth of that.
+fn pause(rate: u32) -> Duration {
+    Duration::from_secs(1) * BATCH as u32 / rate.max(1)
+}
+/// Topics of recordings that are gone are shown for so long, to whoever comes late, and for the next recording.
+const FAREWELL: Duration = Duration::from_secs(10);
 /// Viewers have so long to ask for a topic that is new before they miss its first messages.
 const GREETING: Duration = Duration::from_millis(500);
 /// When nothing happens, viewers are told the time after so long.
@@ -29,10 +33,21 @@ pub(super) struct Shared {
     pub(super) server: WebSocketServerHandle,
     pub(super) context: Arc<Context>,
     pub(super) viewers: Handle,
-    /// When each topic was offered to them.
-    pub(super) offered: Mutex<HashMap<ChannelId, Instant>>,
+    pub(super) topics: Mutex<HashMap<ChannelId, Offered>>,
     pub(super) queue: Queue,
     pub(super) last: Arc<Last>,
+    /// Messages that they are shown in a second.
+    pub(super) rate: u32,
+}
+
+/// A topic that is offered to viewers.
+pub(super) struct Offered {
+    channel: Arc<RawChannel>,
+    since: Instant,
+    /// Recordings that are followed and have it.
+    recordings: usize,
+    /// Since when there is none.
+    gone: Option<Instant>,
 }
 
 impl Shared {
@@ -55,8 +70,9 @@ impl Shared {
             if self.is_watched() {
                 // Viewers that are told no time plot by their own clock; the first that they are told is where plots begin.
                 time.into_iter().for_each(|time| self.server.broadcast_time(time));
-                std::thread::sleep(PAUSE);
+                std::thread::sleep(pause(self.rate));
             }
+            self.forget_gone(&mut shown);
         }
         if self.is_watched() {
             // What is on its way to them arrives; nobody tells when it has.
@@ -67,18 +83,54 @@ impl Shared {
     /// Offers a topic to the viewers. The thread that serves them does it: `foxglove` tells a viewer of a topic before it
     /// notes that this one may ask for it, and would refuse a quick one.
     pub(super) fn advertise(&self, topic: ChannelBuilder) -> Option<Arc<RawChannel>> {
+        // What is offered now is not forgotten at the same time.
+        let mut topics = self.topics();
         let (sender, receiver) = std::sync::mpsc::channel();
         self.viewers.spawn(async move { sender.send(topic.build_raw()) });
         let built = receiver.recv().ok()?;
         let built = built.inspect_err(|error| tracing::warn!("a topic is not shown live: {error}")).ok()?;
-        let mut offered = self.offered.lock().unwrap_or_else(PoisonError::into_inner);
-        offered.entry(built.id()).or_insert_with(Instant::now);
+        let new = || Offered { channel: built.clone(), since: Instant::now(), recordings: 0, gone: None };
+        let offered = topics.entry(built.id()).or_insert_with(new);
+        (offered.recordings, offered.gone) = (offered.recordings + 1, None);
         Some(built)
     }
 
-    pub(super) fn offered_for(&self, topic: ChannelId) -> Duration {
-        let offered = self.offered.lock().unwrap_or_else(PoisonError::into_inner);
-        offered.get(&topic).map_or(Duration::ZERO, Instant::elapsed)
+    /// A recording that has this topic is not followed any more.
+    pub(super) fn leave(&self, topic: ChannelId) {
+        if let Some(offered) = self.topics().get_mut(&topic) {
+            offered.recordings = offered.recordings.saturating_sub(1);
+            offered.gone = (offered.recordings == 0).then(Instant::now);
+        }
+    }
+
+    /// Takes the topics back that no recording has had for a while, once all of their messages have been shown.
+    fn forget_gone(&self, shown: &mut HashSet<ChannelId>) {
+        if !self.queue.is_empty() {
+            return;
+        }
+        let mut topics = self.topics();
+        topics.retain(|id, offered| {
+            let stays = offered.gone.is_none_or(|gone| gone.elapsed() < FAREWELL);
+            if !stays {
+                let (channel, (sender, closed)) = (offered.channel.clone(), std::sync::mpsc::channel());
+                self.viewers.spawn(async move {
+                    channel.close();
+                    sender.send(())
+                });
+                let _ = closed.recv();
+                self.last.forget(*id);
+                shown.remove(id);
+            }
+            stays
+        });
+    }
+
+    fn offered_for(&self, topic: ChannelId) -> Duration {
+        self.topics().get(&topic).map_or(Duration::ZERO, |offered| offered.since.elapsed())
+    }
+
+    fn topics(&self) -> MutexGuard<'_, HashMap<ChannelId, Offered>> {
+        self.topics.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether there is any viewer.
@@ -92,6 +144,10 @@ impl Shared {
 pub(super) struct Last(Mutex<HashMap<ChannelId, Item>>);
 
 impl Last {
+    fn forget(&self, topic: ChannelId) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).remove(&topic);
+    }
+
     /// Shows a message. Whoever subscribes meanwhile gets it once or twice, never not at all.
     fn show(&self, item: Item) {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
