@@ -33,6 +33,7 @@ mod residual_block;
 mod student_t;
 mod time_interpolation;
 mod uncertainty;
+mod wandering;
 mod worst_case;
 
 pub use bound::{Bound, Bounds};
@@ -54,4 +55,5 @@ pub use regression::Reading;
 pub use reliability::{Check, Reliability};
 pub use residual_block::ResidualBlock;
 pub use time_interpolation::TimeInterpolation;
+pub use wandering::{Hint, Slope, Wandering, slope, unexcluded, wandering};
 pub use worst_case::directions;

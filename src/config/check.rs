@@ -134,6 +134,11 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     place(fit)?;
     positive("fit.placement_std", fit.placement_std)?;
     positive("fit.rate_std", fit.rate_std)?;
+    not_above("fit.cross_axis_std", fit.cross_axis_std, 0.2)?;
+    positive("fit.cross_axis_std", fit.cross_axis_std)?;
+    if !(0.0..=1.0).contains(&fit.nonlinearity) {
+        return fault("fit.nonlinearity", format!("{} is not between 0 and 1 m/s²", fit.nonlinearity));
+    }
     positive("fit.max_error", fit.max_error)?;
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
     not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;

@@ -1,70 +1,200 @@
-//! Whether the accelerometer drifts: what it reads on a face at the last visit against the first. Following a drift is
-//! left to the configuration.
+//! Whether the accelerometer's bias moved during the session: by what its placements say of each other, and by how it changed
+//! while it lay still. Following a drift is left to the configuration.
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Vector3};
 
-use super::observations::Placed;
-use crate::fit::{Calibration, Fixture};
+use super::model_trial::Trial;
+use super::observations::{self, Placed};
+use super::rest_history::JudgedRest;
+use super::rest_judge::{Judge, Poses};
+use crate::Stamp;
+use crate::fit::accelerometer::{self, Assumptions, Observation};
+use crate::fit::{self, Calibration, Estimate, Fixture, Hint, Slope, Wandering, slope, unexcluded, wandering};
+use crate::messages::segment::Reason;
 
-/// A bias that grew, by at least two faces that say so.
+/// A bias that moved, or may have.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Drift {
-    /// m/s² in an hour.
-    per_hour: Vector3<f64>,
+    course: Course,
     /// What each face read more at its last visit than at its first, m/s², and how many seconds later that was.
     faces: Vec<(String, f64, f64)>,
+    /// The half-life with which the fit would have followed, in seconds, as its own rests tell.
+    half_life: Option<f64>,
+    /// What the parameters may be off by, at the beginning of the session or by now: half of a 95 % interval.
+    pub(super) moved: DVector<f64>,
+    /// Whether a half-life that was set keeps that within the bars.
+    pub(super) followed: bool,
 }
 
-/// Looks for a drift in placements on faces that repeat within `placement_std`, m/s².
-pub(super) fn drift(
-    seen: &[Placed],
-    fixture: &Fixture,
-    calibration: &Calibration,
-    placement_std: f64,
-) -> Option<Drift> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Course {
+    /// m/s², over so many seconds.
+    Ramp(Vector3<f64>, f64),
+    /// Axis and m/s², between two moments in seconds since the first rest.
+    Step(usize, f64, [f64; 2]),
+    /// The same of a change within a placement that may be a tilt as well.
+    Hinted(usize, f64, f64),
+}
+
+/// What a fit was made of.
+pub(super) struct Fitted<'a> {
+    pub(super) entries: &'a [JudgedRest],
+    /// Placements that count, and those that contradict them.
+    pub(super) seen: &'a [Placed],
+    pub(super) left_out: &'a [Placed],
+    pub(super) given: &'a Assumptions<'a>,
+    /// The best that is known.
+    pub(super) calibration: Calibration,
+    /// The fit itself, if there is one.
+    pub(super) fit: Option<&'a Estimate>,
+}
+
+/// Looks for a bias that moved.
+pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, trial: &Trial<'_>, poses: Poses) -> Option<Drift> {
+    let Fitted { entries, given, calibration, fit, .. } = fitted;
+    // Without ageing, which only says how much a fit is to believe of what was long ago.
+    let ageless = fit::Config { half_life_s: None, ..judge.fit.clone() };
+    let fresh = observations::placements(entries, &Judge { fit: &ageless, ..*judge }, poses, trial.givens.step);
+    let seen = if judge.fit.half_life_s.is_some() { &fresh } else { fitted.seen };
+    let first = seen.iter().map(|placed| placed.start).min()?;
+    let timed = |placed: &Placed| (placed.start.seconds_since(first), placed.observation);
+    let mut all: Vec<_> = seen.iter().map(timed).collect();
+    let told = told(entries, first);
+    let look = |seen: &[(f64, Observation)]| wandering(seen, given, calibration, told.slope.as_ref());
+    let kept = all.clone();
+    all.extend(fitted.left_out.iter().map(timed));
+    let found = match fitted.left_out.is_empty() {
+        true => look(&kept),
+        false => look(&all).or_else(|| look(&kept)),
+    };
+    let faces = faces(seen, judge.fixture, calibration, judge.fit.placement_std);
+    let bars: Vec<_> = fit.map_or(Vec::new(), |fit| (0..fit.parameters.len()).map(|i| fit.std(i)).collect());
+    let last = kept.iter().map(|(time, _)| *time).fold(0.0, f64::max);
+    let Some(found) = found else {
+        let hint = unexcluded(&kept, given, calibration, &told.hints, &bars)?;
+        let course = Course::Hinted(hint.axis, hint.change, hint.time);
+        let moved = DVector::zeros(bars.len());
+        return Some(Drift { course, faces: Vec::new(), half_life: None, moved, followed: false });
+    };
+    let course = match found.is_step(0.0, last) {
+        true => Course::Step(found.change.iamax(), found.change[found.change.iamax()], found.span),
+        false => Course::Ramp(found.change, last),
+    };
+    let starts: BTreeMap<u32, f64> = kept.iter().map(|(time, seen)| (seen.placement, *time)).collect();
+    let moved = fit.map_or(DVector::zeros(0), |fit| moved(fit, &found, &starts, judge.fit.half_life_s.is_some()));
+    let within = |moved: &DVector<f64>, bars: &[f64]| {
+        !moved.is_empty() && moved.iter().zip(bars).all(|(moved, bar)| moved.abs() <= *bar)
+    };
+    let followed = judge.fit.half_life_s.is_some() && within(&moved, &bars);
+    let half_life = (judge.fit.half_life_s.is_none() && fit.is_some())
+        .then(|| follows(fitted, judge, trial, poses, &found, &starts))
+        .flatten();
+    Some(Drift { course, faces, half_life, moved, followed })
+}
+
+/// The longest half-life with which a fit of these rests lags behind by no more than its bars.
+fn follows(
+    Fitted { entries, given, fit, .. }: &Fitted<'_>,
+    judge: &Judge<'_>,
+    trial: &Trial<'_>,
+    poses: Poses,
+    found: &Wandering,
+    starts: &BTreeMap<u32, f64>,
+) -> Option<f64> {
+    let span = starts.values().copied().fold(0.0, f64::max);
+    [2.0, 4.0, 8.0, 16.0].into_iter().map(|part| (span / part).round().max(1.0)).find(|half_life| {
+        let config = fit::Config { half_life_s: Some(*half_life), ..judge.fit.clone() };
+        let seen = observations::placements(entries, &Judge { fit: &config, ..*judge }, poses, trial.givens.step);
+        let seen: Vec<_> = seen.iter().map(|placed| placed.observation).collect();
+        let start = fit.map_or(given.start, |fit| fit.calibration());
+        let Ok(fit) = accelerometer::fit(&seen, &Assumptions { start, ..**given }) else { return false };
+        let lag = shifted(&fit, found, starts, 1.0);
+        fit.agrees() && (0..lag.len()).all(|i| lag[i].abs() <= fit.std(i))
+    })
+}
+
+/// What a fit is off by because the bias moved: of what it was when so much of the change had happened.
+fn shifted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, share: f64) -> DVector<f64> {
+    let mut shifted = DVector::zeros(fit.parameters.len());
+    for (placement, influence) in fit.origin.iter().flat_map(|origin| &origin.influence) {
+        let time = starts.get(placement).copied().unwrap_or(0.0);
+        shifted += influence * found.change * (found.share(time) - share);
+    }
+    shifted
+}
+
+/// The most that a fit is off by, at the beginning or by now, if the change was as large as it may have been.
+fn moved(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets: bool) -> DVector<f64> {
+    let beyond = found.change.zip_map(&found.std, |change: f64, std: f64| change + change.signum() * 2.0 * std);
+    let most = Wandering { change: beyond, ..*found };
+    // One that forgets is to hold what is now.
+    let ends = if forgets { [1.0, 1.0] } else { [0.0, 1.0] }.map(|share| shifted(fit, &most, starts, share));
+    ends[0].zip_map(&ends[1], |one: f64, other: f64| if one.abs() > other.abs() { one } else { other })
+}
+
+/// How the readings changed while the sensor lay still.
+struct Told {
+    slope: Option<Slope>,
+    hints: Vec<Hint>,
+}
+
+fn told(entries: &[JudgedRest], first: Stamp) -> Told {
+    /// Standard deviations that noise stays below.
+    const CLEAR: f64 = 5.0;
+    let still = |entry: &&JudgedRest| {
+        matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted | Reason::Creeping) && entry.count == 1
+    };
+    let rests: Vec<_> = entries.iter().filter(still).collect();
+    let (mut rates, mut hints) = (Vec::new(), Vec::new());
+    let mut hint = |time: f64, change: Vector3<f64>, noise: f64, clear: Vector3<f64>| {
+        for axis in (0..3).filter(|axis| clear[*axis].abs() > CLEAR) {
+            hints.push(Hint { time, axis, change: change[axis], std: noise });
+        }
+    };
+    for entry in &rests {
+        let (rest, mean) = (&entry.rest, &entry.rest.accelerometer);
+        // The noise of a trend is that of three axes together.
+        let noise = mean.trend_noise / 3_f64.sqrt();
+        if noise <= 0.0 || !noise.is_finite() || rest.seconds() <= 0.0 {
+            continue;
+        }
+        if entry.verdict.reason != Reason::Creeping {
+            rates.push((mean.trend / rest.seconds(), noise / rest.seconds()));
+        }
+        let middle = rest.start.seconds_since(first) + rest.seconds() / 2.0;
+        // A step in the middle of a rest has a trend of one and a half.
+        hint(middle, mean.trend / 1.5, noise, mean.trend / noise);
+    }
+    for pair in rests.windows(2).filter(|pair| pair[0].rest.placement == pair[1].rest.placement) {
+        let [one, next] = [pair[0], pair[1]].map(|entry| &entry.rest.accelerometer);
+        let noise = (one.mean_variance() + next.mean_variance()).map(f64::sqrt);
+        let change = next.mean - one.mean;
+        let clear = change.component_div(&noise.map(|noise: f64| noise.max(1e-9)));
+        hint(pair[1].rest.start.seconds_since(first) - 1e-3, change, noise.max(), clear);
+    }
+    Told { slope: slope(&rates), hints }
+}
+
+/// What faces read more at their last visit than at their first.
+fn faces(seen: &[Placed], fixture: &Fixture, calibration: &Calibration, placement_std: f64) -> Vec<(String, f64, f64)> {
     let mut visits: BTreeMap<usize, Vec<&Placed>> = BTreeMap::new();
     for placed in seen {
         visits.entry(placed.face).or_default().push(placed);
     }
-    // Of each face the change of length, which no tilt touches: it is that of the bias along the face.
-    let mut rows = Vec::new();
-    let mut changes = Vec::new();
-    let mut faces = Vec::new();
-    for (face, visits) in visits {
-        let (Some(first), Some(last), Some(face)) = (visits.first(), visits.last(), fixture.faces().get(face)) else {
-            continue;
-        };
-        let seconds = last.start.seconds_since(first.start);
-        if seconds <= 0.0 {
-            continue;
-        }
-        let length = |placed: &Placed| calibration.correct(&placed.observation.mean).norm();
-        let change = length(last) - length(first);
-        let noise = (first.observation.noise + last.observation.noise).max();
-        // Four standard deviations of two placements.
-        let excused = 4.0 * (2.0 * placement_std * placement_std + noise).sqrt();
-        if change.abs() > excused {
-            rows.push(face.normal.transpose() * (seconds / 3600.0));
-            changes.push(change);
-            faces.push((face.name.clone(), change, seconds));
-        }
-    }
-    if faces.len() < 2 {
-        return None;
-    }
-    // One rate of each axis must explain most of what every face says: a single bad rest does not drift.
-    let design = DMatrix::from_fn(rows.len(), 3, |r, c| rows[r][c]);
-    let changes = DVector::from_vec(changes);
-    let rate = design.clone().svd(true, true).solve(&changes, 1e-9).ok()?;
-    let left = &changes - &design * &rate;
-    let explained = left.iter().zip(&changes).all(|(left, change)| left.abs() < 0.5 * change.abs());
-    let per_hour: Vector3<f64> = rate.fixed_rows::<3>(0).into_owned();
-    // An axis that only one face tells of may as well have had one bad rest.
-    let told_twice = (0..3).any(|axis| rows.iter().filter(|row| row[axis].abs() > 0.5 * row.norm()).count() > 1);
-    (explained && told_twice).then_some(Drift { per_hour, faces })
+    // The change of length, which no tilt touches: it is that of the bias along the face.
+    let length = |placed: &Placed| calibration.correct(&placed.observation.mean).norm();
+    let change = |(face, visits): (usize, Vec<&Placed>)| {
+        let (first, last, face) = (visits.first()?, visits.last()?, fixture.faces().get(face)?);
+        let (change, seconds) = (length(last) - length(first), last.start.seconds_since(first.start));
+        let clear = seconds > 0.0 && change.abs() > 3.0 * placement_std;
+        clear.then(|| (face.name.clone(), change, seconds))
+    };
+    visits.into_iter().filter_map(change).collect()
 }
+
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Drift {
     /// What was seen and what to do.
@@ -73,15 +203,35 @@ impl Drift {
             format!("{name} by {change:+.3} m/s² in {:.0} min", (seconds / 60.0).max(1.0))
         });
         let faces: Vec<_> = faces.collect();
-        let span = self.faces.iter().map(|(_, _, seconds)| *seconds).fold(0.0, f64::max);
-        format!(
-            "the readings drift: from its first visit to its last changed {} (bias {:+.2} {:+.2} {:+.2} m/s² an hour). Let the \
-             sensor warm up, or let the fit forget with fit.half_life_s = {:.0}",
-            faces.join(", "),
-            self.per_hour.x,
-            self.per_hour.y,
-            self.per_hour.z,
-            (span / 2.0).max(1.0)
-        )
+        let visits = match faces.is_empty() {
+            true => String::new(),
+            false => format!("; from its first visit to its last changed {}", faces.join(", ")),
+        };
+        let advice = match self.half_life {
+            Some(half_life) => format!(
+                "Let the sensor warm up, or let the fit forget with fit.half_life_s = {half_life:.0}, which follows these rests within its \
+                 bars"
+            ),
+            None => "Let the sensor warm up, and show every face again".to_owned(),
+        };
+        match self.course {
+            Course::Ramp(change, seconds) => format!(
+                "the readings drift: bias {:+.3} {:+.3} {:+.3} m/s² in {:.1} min{visits}. {advice}",
+                change.x,
+                change.y,
+                change.z,
+                seconds / 60.0
+            ),
+            Course::Step(axis, change, [from, to]) => format!(
+                "the readings drift: the bias of {} moved by {change:+.3} m/s² between {from:.0} and {to:.0} s after the first \
+                 rest{visits}. {advice}",
+                AXES[axis]
+            ),
+            Course::Hinted(axis, change, time) => format!(
+                "{} changed by {change:+.3} m/s² {time:.0} s after the first rest while the sensor lay still: that may be a tilt as \
+                 well as a drift of its bias. Show the faces along {} again, on a firm surface",
+                AXES[axis], AXES[axis]
+            ),
+        }
     }
 }

@@ -36,7 +36,7 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirm
         ),
         ([], Err(why), _) => format!("no calibration: {why}. Repeat the {} faces on a flat, firm surface", faces.len()),
         ([], Ok(_), _) if !solution.doubts.is_empty() => solution.doubts.join("; "),
-        ([], Ok(_), _) if solution.drift.is_some() => {
+        ([], Ok(_), _) if solution.drift.as_ref().is_some_and(|drift| !drift.followed) => {
             solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
         }
         ([], Ok(_), Ok(())) => "done: repeated placements agree".to_owned(),

@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-use super::drift::{Drift, drift};
+use super::drift::{Drift, Fitted, drift};
 use super::givens::{Givens, per_axis};
 use super::observations::{self, Placed};
 use super::outliers::{self, Doubt, LeftOut, Sound};
@@ -67,7 +67,7 @@ pub(super) fn on_rests(
     let poses = if trial.shape == Parameterisation::TRIANGULAR { Poses::Any } else { Poses::OnFaces };
     let mut attempt = ModelTrial::new(poses);
     let mut calibration = start;
-    let mut before = Vec::new();
+    let (mut before, mut contradicting) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         judge.assign_faces(entries, &calibration, poses);
         let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
@@ -79,6 +79,7 @@ pub(super) fn on_rests(
         let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
         attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
             leave_out(entries, &left_out);
+            contradicting = left_out.into_iter().map(|left_out| left_out.placed).collect();
             attempt.doubts.extend(doubts);
             fit
         });
@@ -90,8 +91,20 @@ pub(super) fn on_rests(
     if let Ok(fit) = &mut attempt.fit {
         attempt.doubts.iter().for_each(|doubt| fit.widen(&doubt.moved));
     }
-    if poses == Poses::OnFaces {
-        attempt.drift = drift(&attempt.seen, judge.fixture, &calibration, judge.fit.placement_std);
+    if trial.shape != Parameterisation::MATRIX && judge.fit.loss == Loss::Square {
+        let given = assumptions(judge, trial, calibration);
+        let fitted = Fitted {
+            entries,
+            seen: &attempt.seen,
+            left_out: &contradicting,
+            given: &given,
+            calibration,
+            fit: attempt.fit.as_ref().ok(),
+        };
+        attempt.drift = drift(&fitted, judge, trial, poses);
+        if let (Some(drift), Ok(fit)) = (&attempt.drift, &mut attempt.fit) {
+            fit.widen(&drift.moved);
+        }
         // What contradicts itself may do so for this reason.
         if let Some(drift) = &attempt.drift {
             attempt.fit = attempt.fit.map_err(|why| Refusal::Drifting { why: Box::new(why), drift: drift.clone() });
@@ -102,8 +115,10 @@ pub(super) fn on_rests(
 
 /// The rests of placements that contradict the others.
 fn leave_out(entries: &mut [JudgedRest], left_out: &[LeftOut]) {
-    for LeftOut { placement, face, explanation } in left_out {
-        let is_it = |entry: &&mut JudgedRest| entry.rest.placement == *placement && entry.verdict.face() == Some(*face);
+    for LeftOut { placed, explanation } in left_out {
+        let is_it = |entry: &&mut JudgedRest| {
+            entry.rest.placement == placed.observation.placement && entry.verdict.face() == Some(placed.face)
+        };
         for entry in entries.iter_mut().filter(is_it).filter(|entry| entry.verdict.is_accepted()) {
             entry.verdict.reason = Reason::Outlier;
             entry.verdict.explanation.clone_from(explanation);
@@ -114,9 +129,10 @@ fn leave_out(entries: &mut [JudgedRest], left_out: &[LeftOut]) {
 fn fit_accelerometer(
     seen: &mut Vec<Placed>,
     judge: &Judge<'_>,
-    &Trial { shape, givens }: &Trial<'_>,
+    trial: &Trial<'_>,
     start: Calibration,
 ) -> Result<Sound, Refusal> {
+    let &Trial { shape, givens } = trial;
     let (config, gravity, kept) = (judge.fit, givens.gravity, givens.kept == Some(shape));
     match shape {
         Parameterisation::TRIANGULAR if seen.len() < shape.unknowns() => {
@@ -132,15 +148,7 @@ fn fit_accelerometer(
             }
         }
     }
-    let given = Assumptions {
-        shape,
-        estimator: config.estimator,
-        gravity,
-        placement_std: config.placement_std,
-        loss: config.loss,
-        bounds: &config.bounds,
-        start,
-    };
+    let given = assumptions(judge, trial, start);
     let alone = |fit| Sound { fit, left_out: Vec::new(), doubts: Vec::new() };
     let sound = match (shape, config.loss) {
         (Parameterisation::MATRIX, _) => {
@@ -169,6 +177,22 @@ fn fit_accelerometer(
         return Err(Refusal::Weak { worst, limit, condition: fit.condition });
     }
     Ok(sound)
+}
+
+/// What is assumed beside the placements.
+fn assumptions<'a>(judge: &Judge<'a>, trial: &Trial<'_>, start: Calibration) -> Assumptions<'a> {
+    let config = judge.fit;
+    Assumptions {
+        shape: trial.shape,
+        estimator: config.estimator,
+        gravity: trial.givens.gravity,
+        placement_std: config.placement_std,
+        cross_axis_std: config.cross_axis_std,
+        nonlinearity: config.nonlinearity,
+        loss: config.loss,
+        bounds: &config.bounds,
+        start,
+    }
 }
 
 fn observed(seen: &[Placed]) -> Vec<Observation> {

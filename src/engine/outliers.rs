@@ -25,8 +25,7 @@ pub(super) struct Doubt {
 
 /// A placement that contradicts the others.
 pub(super) struct LeftOut {
-    pub(super) placement: u32,
-    pub(super) face: usize,
+    pub(super) placed: Placed,
     pub(super) explanation: String,
 }
 
@@ -76,6 +75,6 @@ pub(super) fn fit_without(seen: &mut Vec<Placed>, given: &Assumptions<'_>, fixtu
             );
             doubts.push(Doubt { text, moved: rival.moved });
         }
-        left_out.push(LeftOut { placement: wrong.observation.placement, face: wrong.face, explanation });
+        left_out.push(LeftOut { placed: wrong, explanation });
     }
 }

@@ -14,11 +14,14 @@ impl Config {
     pub fn of(mut self, preset: Preset) -> Self {
         let sheet = preset.datasheet();
         let (still, bounds) = (still::Config::default(), Bounds::default());
-        let Promise { noise, bias, scale, placement, .. } = sheet.accelerometer;
+        let Promise { noise, bias, scale, placement, cross_axis, .. } = sheet.accelerometer;
         set(&mut self.still.accel_ceiling, still.accel_ceiling, noise.map(|noise| BENCH * noise));
         set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, bias.map(either_way));
         set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.map(Bound::from));
-        set(&mut self.fit.placement_std, fit::Config::default().placement_std, placement);
+        let fit = fit::Config::default();
+        set(&mut self.fit.placement_std, fit.placement_std, placement);
+        set(&mut self.fit.cross_axis_std, fit.cross_axis_std, cross_axis);
+        set(&mut self.fit.nonlinearity, fit.nonlinearity, sheet.accelerometer.squared_at_one_g());
         if let Some(Promise { noise, bias, scale, .. }) = sheet.gyroscope {
             set(&mut self.still.gyro_ceiling, still.gyro_ceiling, noise.map(|noise| BENCH * noise));
             set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, bias.map(either_way));
@@ -63,6 +66,8 @@ mod tests {
         assert!((most - 1.74).abs() < 0.01, "{most}");
         assert!(config.still.gyro_ceiling < still::Config::default().gyro_ceiling);
         // 1.5 mg a kelvin.
+        assert_eq!(config.fit.cross_axis_std, 0.02);
+        assert!((config.fit.nonlinearity - 0.0087).abs() < 1e-4, "{}", config.fit.nonlinearity);
         assert!((config.fit.placement_std - 0.0147).abs() < 1e-4, "{}", config.fit.placement_std);
     }
 }

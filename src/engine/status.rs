@@ -31,7 +31,7 @@ pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     if !solution.doubts.is_empty() {
         return Err(Unconfirmed::Doubted);
     }
-    if solution.drift.is_some() {
+    if solution.drift.as_ref().is_some_and(|drift| !drift.followed) {
         return Err(Unconfirmed::Drifting);
     }
     estimate(fit)

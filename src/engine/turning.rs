@@ -103,17 +103,19 @@ fn triangular(
         estimator: config.estimator,
         gravity: givens.gravity,
         placement_std: config.placement_std,
+        cross_axis_std: config.cross_axis_std,
+        nonlinearity: config.nonlinearity,
         loss: config.loss,
         bounds: &config.bounds,
         start,
     };
     let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
     let mut richer = fit_with(&observations, &given, Some(&found.off_diagonals)).ok()?;
-    for doubt in &attempt.doubts {
+    for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
         // Of bias and scale; what is below the diagonal the turns say.
         let mut moved = DVector::zeros(richer.parameters.len());
         for (from, to) in [0, 1, 2, 3, 5, 8].into_iter().enumerate() {
-            moved[to] = doubt.moved.get(from).copied().unwrap_or(0.0);
+            moved[to] = doubt.get(from).copied().unwrap_or(0.0);
         }
         richer.widen(&moved);
     }

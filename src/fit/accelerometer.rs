@@ -45,6 +45,10 @@ pub struct Assumptions<'a> {
     pub gravity: Gravity,
     /// Scatter of specific force from placement to placement, while repeats do not show it, m/s².
     pub placement_std: f64,
+    /// How large the entries of S off the diagonal are that a model has no word for, one standard deviation.
+    pub cross_axis_std: f64,
+    /// What the square of a reading adds to it at 1 g, one standard deviation, m/s².
+    pub nonlinearity: f64,
     /// How equations that are left over count.
     pub loss: Loss,
     /// Limits of the parameters.
@@ -53,8 +57,6 @@ pub struct Assumptions<'a> {
     pub start: Calibration,
 }
 
-/// Accelerometers cross-couple by about this much where the model has no word for it (one standard deviation).
-const UNMODELLED_CROSS_AXIS: f64 = 0.01;
 /// Residuals of ‖a‖ − g below this are no reason to refuse, m/s².
 const ALLOWANCE: f64 = 0.03;
 
@@ -225,7 +227,10 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
     let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
     let gain = stage.solved.gain();
-    let beside = by_gravity(given, &stage.calibration) + by_columns(given, &stage.calibration, bars.leak_rms);
+    let leak = if given.shape.unmodelled().next().is_some() { bars.leak_rms } else { given.cross_axis_std };
+    let beside = by_gravity(given, &stage.calibration)
+        + by_lengths(given, &stage.calibration, leak)
+        + by_squares(given, &stage.calibration);
     let numbers = observations.iter().map(|seen| seen.placement);
     let origin = Origin {
         systematic: bars.leakage(&stage.solved, &gain) + &beside,
@@ -260,27 +265,51 @@ fn by_gravity(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64
     &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2)
 }
 
-/// What leaves the length of a reading and no tilt shows: not the diagonal of S it tells, but how long its columns are, which
-/// entries of ± `leak` off the diagonal make longer by half their squares.
-fn by_columns(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> DMatrix<f64> {
+/// What leaves the length of a reading and no tilt shows. Of a diagonal S the columns are told, and not the diagonal: entries of
+/// ± `leak` off it make them longer by half their squares. Of a triangular one the rows are, whose entries above the diagonal say
+/// how the frame is turned.
+fn by_lengths(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> DMatrix<f64> {
     let unknowns = given.shape.unknowns();
-    let mut by_columns = DMatrix::zeros(unknowns, unknowns);
-    if given.estimator == Estimator::Magnitude && given.shape.unmodelled().next().is_some() {
-        for (i, term) in given.shape.terms().iter().enumerate() {
-            if let Term::Own(axis, column) = *term {
-                // Half the sum of two squares of normal numbers has a mean of one, and a variance of one.
-                by_columns[(i, i)] = 2.0 * leak.powi(4) * calibration.sensitivity[(axis, column)].powi(2);
-            }
+    let mut by_lengths = DMatrix::zeros(unknowns, unknowns);
+    if given.estimator != Estimator::Magnitude || given.shape == Parameterisation::MATRIX {
+        return by_lengths;
+    }
+    for (i, term) in given.shape.terms().iter().enumerate() {
+        if let Term::Own(axis, column) = *term
+            && axis == column
+        {
+            let squares = if given.shape == Parameterisation::TRIANGULAR { 2 - axis } else { 2 };
+            // Half the sum of so many squares of normal numbers has a mean of a half of each, and a variance of as much.
+            let (mean, variance) = (squares as f64 / 2.0, squares as f64 / 2.0);
+            by_lengths[(i, i)] =
+                (mean * mean + variance) * leak.powi(4) * calibration.sensitivity[(axis, axis)].powi(2);
         }
     }
-    by_columns
+    by_lengths
+}
+
+/// What the square of the reading adds: opposite faces read it alike, as a bias.
+fn by_squares(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64> {
+    let unknowns = given.shape.unknowns();
+    let mut by_squares = DMatrix::zeros(unknowns, unknowns);
+    for (i, term) in given.shape.terms().iter().enumerate() {
+        if let Term::Bias(axis) = *term {
+            by_squares[(i, i)] = (given.nonlinearity * calibration.sensitivity[(axis, axis)]).powi(2);
+        }
+    }
+    by_squares
 }
 
 impl Assumptions<'_> {
     /// What is assumed of the errors. The entries of S above the diagonal turn the frame, which the length of a reading
     /// does not feel: a triangular S is that of the sensor's own axes, and nothing is left out of it.
     fn assumed(&self) -> Assumed {
+        Assumed { placement: self.placement_std, leak: self.leak() }
+    }
+
+    /// How large the leaks of this model are, one standard deviation.
+    pub(super) fn leak(&self) -> f64 {
         let own_axes = self.shape == Parameterisation::TRIANGULAR && self.estimator == Estimator::Magnitude;
-        Assumed { placement: self.placement_std, leak: if own_axes { 0.0 } else { UNMODELLED_CROSS_AXIS } }
+        if own_axes { 0.0 } else { self.cross_axis_std }
     }
 }

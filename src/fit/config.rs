@@ -29,6 +29,12 @@ pub struct Config {
     pub placement_std: f64,
     /// The same for the mean rate of a gyroscope, in rad/s.
     pub rate_std: f64,
+    /// How large the entries of an accelerometer's sensitivity off the diagonal are where a model has no word for them, one
+    /// standard deviation.
+    pub cross_axis_std: f64,
+    /// What the square of an accelerometer's reading adds to it at 1 g, one standard deviation in m/s²: six faces cannot tell
+    /// it from a bias.
+    pub nonlinearity: f64,
     /// How far a corrected reading may err in any direction, at 95 %, for a model that needs no faces to be believed, m/s².
     pub max_error: f64,
     /// How equations that are left over count.
@@ -55,6 +61,8 @@ impl Default for Config {
             max_tilt_deg: 15.0,
             placement_std: 0.01,
             rate_std: 1e-3,
+            cross_axis_std: 0.01,
+            nonlinearity: 0.0,
             max_error: 0.1,
             loss: Loss::Square,
             refit: Refit::Segment,

@@ -180,6 +180,8 @@ mod tests {
             estimator: Estimator::Magnitude,
             gravity: Gravity::configured(G),
             placement_std: 0.01,
+            cross_axis_std: 0.01,
+            nonlinearity: 0.0,
             bounds: &bounds,
             loss: Loss::Square,
             start: truth,

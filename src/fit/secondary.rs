@@ -130,6 +130,8 @@ mod tests {
             estimator: Estimator::Magnitude,
             gravity: Gravity::configured(G),
             placement_std: 1e-4,
+            cross_axis_std: 0.01,
+            nonlinearity: 0.0,
             loss: Loss::Square,
             bounds: &bounds,
             start: Calibration::default(),

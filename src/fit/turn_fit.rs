@@ -131,6 +131,12 @@ pub enum TooLittle {
         /// Of gravity by so much.
         turned: usize,
     },
+    /// Turns that leave next to nothing over once their unknowns are fitted.
+    #[error("{turns} turns do not check each other yet: turn it on from face to face, about all axes")]
+    Unchecked {
+        /// Turns that count.
+        turns: usize,
+    },
     /// Rotations that gravity does not feel.
     #[error(
         "the turns are about the vertical ({turned} of {all} tilt it by 30° or more), and such turns show no scale: turn the sensor \
@@ -548,7 +554,7 @@ impl<'a> TurnSolution<'a> {
         let solved = self.solve(self.level, None).ok_or(TooLittle::Unsolved)?;
         let used = kept.iter().filter(|kept| **kept).count();
         if solved.freedom < LEAST_FREEDOM {
-            return Err(TooLittle::Few { turned: used });
+            return Err(TooLittle::Unchecked { turns: used });
         }
         let condition = self.condition(&solved).ok_or(TooLittle::Unsolved)?;
         let limit = CONDITIONED[usize::from(!self.given.triangular)];

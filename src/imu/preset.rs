@@ -43,6 +43,20 @@ pub struct Promise {
     pub scale: Option<[f64; 2]>,
     /// How far the mean of a rest repeats from placement to placement, one standard deviation.
     pub placement: Option<f64>,
+    /// Cross-axis sensitivity, as a share.
+    pub cross_axis: Option<f64>,
+    /// Deviation from a straight line, as a share of full scale.
+    pub nonlinearity: Option<f64>,
+}
+
+impl Promise {
+    /// What the square of a reading may add at 1 g, m/s², if all of the nonlinearity is one. Which of its ranges the sensor is
+    /// set to nobody says: from 2 g to 16 g it is 5.7 g in the middle, on a scale of ratios.
+    pub fn squared_at_one_g(&self) -> Option<f64> {
+        /// Of the widest range over the one in the middle: √8.
+        const MIDDLE: f64 = 2.828;
+        self.nonlinearity.map(|share| share * G * G / (self.range / MIDDLE))
+    }
 }
 
 impl Preset {
@@ -98,6 +112,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: None,
             scale: None,
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -106,6 +122,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: None,
             scale: None,
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
     // Analog Devices ADXL375, accelerometer: 0 g offset ±6 g; 18.4 to 22.6 LSB/g about 20.5, 49 mg a step; 5 mg/√Hz over the 50 Hz of its 100 Hz output, times √(π/2).
@@ -120,6 +138,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(6.0 * G),
             scale: Some([18.4 / 20.5, 22.6 / 20.5]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: None,
     },
@@ -135,6 +155,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(32.0 * MG),
             scale: None,
             placement: repeats(0.2 * MG),
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -143,6 +165,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(1.9 * DEGREE),
             scale: None,
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
     // Bosch BMI160: 0 g ±40 mg; 1966 to 2130 LSB/g about 2048 at ±16 g; 180 µg/√Hz over half of its 1600 Hz. 0 °/s ±10; 15.9 to 16.9 LSB/(°/s)
@@ -157,6 +181,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(40.0 * MG),
             scale: Some([1966.0 / 2048.0, 2130.0 / 2048.0]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -165,9 +191,11 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(10.0 * DEGREE),
             scale: Some([15.9 / 16.4, 16.9 / 16.4]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
-    // TDK InvenSense ICM-20948: 0 g ±50 mg on the board and ±0.8 mg/°C over 60 °C; ±0.5 % and ±0.026 %/°C over 65 °C; 2048 LSB/g; 230 µg/√Hz over 246 Hz.
+    // TDK InvenSense ICM-20948: 0 g ±50 mg on the board and ±0.8 mg/°C over 60 °C; ±0.5 % and ±0.026 %/°C over 65 °C; 2048 LSB/g; 230 µg/√Hz over 246 Hz; cross-axis ±2 %, nonlinearity ±0.5 %.
     // 0 °/s ±5 and ±0.05 °/s/°C over 65 °C; 0.015 °/s/√Hz over half of the 1125 Hz of its filter.
     Datasheet {
         name: "icm20948",
@@ -179,6 +207,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(98.0 * MG),
             scale: Some([0.978, 1.022]),
             placement: repeats(0.8 * MG),
+            cross_axis: Some(0.02),
+            nonlinearity: Some(0.005),
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -187,6 +217,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(8.25 * DEGREE),
             scale: None,
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
     // TDK InvenSense ICM-42688-P: 0 g ±20 mg on the board and ±0.15 mg/°C over 65 °C; ±0.5 % and ±0.005 %/°C; 2048 LSB/g; 70 µg/√Hz (z) over 500 Hz. 0 °/s ±0.5
@@ -201,6 +233,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(29.75 * MG),
             scale: Some([0.99175, 1.00825]),
             placement: repeats(0.15 * MG),
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -209,6 +243,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(0.725 * DEGREE),
             scale: Some([0.99275, 1.00725]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
     // STMicroelectronics LSM6DSO: 0 g ±20 mg and ±0.1 mg/°C over 65 °C, 0 °/s ±1 and ±0.01 °/s/°C; ±1 % and ±0.01 %/°C; ±16 g: 3.0 mg rms in low power;
@@ -223,6 +259,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(26.5 * MG),
             scale: Some([0.983, 1.017]),
             placement: repeats(0.1 * MG),
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -231,6 +269,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(1.65 * DEGREE),
             scale: Some([0.983, 1.017]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
     // InvenSense MPU-6000 and MPU-6050: 0 g ±80 mg (z) and ±60 mg over 70 °C; ±3 % and ±0.02 %/°C over 65 °C; 2048 LSB/g; 400 µg/√Hz over 260 Hz. 0 °/s ±20 and ±20
@@ -245,6 +285,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(140.0 * MG),
             scale: Some([0.957, 1.043]),
             placement: repeats(60.0 / 70.0 * MG),
+            cross_axis: None,
+            nonlinearity: None,
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -253,9 +295,11 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(40.0 * DEGREE),
             scale: Some([0.95, 1.05]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
-    // InvenSense MPU-9250: 0 g ±80 mg (z) and ±1.5 mg/°C over 65 °C; ±3 % and ±0.026 %/°C; 2048 LSB/g; 8 mg rms. 0 °/s ±5 and ±30 over temperature,
+    // InvenSense MPU-9250: 0 g ±80 mg (z) and ±1.5 mg/°C over 65 °C; ±3 % and ±0.026 %/°C; 2048 LSB/g; 8 mg rms; cross-axis ±2 %, nonlinearity ±0.5 %. 0 °/s ±5 and ±30 over temperature,
     // ±3 % and ±4 %, 16.4 LSB/(°/s), 0.1 °/s rms.
     Datasheet {
         name: "mpu9250",
@@ -267,6 +311,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(177.5 * MG),
             scale: Some([0.953, 1.047]),
             placement: repeats(1.5 * MG),
+            cross_axis: Some(0.02),
+            nonlinearity: Some(0.005),
         },
         gyroscope: Some(Promise {
             range: 2000.0 * DEGREE,
@@ -275,6 +321,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             bias: Some(35.0 * DEGREE),
             scale: Some([0.93, 1.07]),
             placement: None,
+            cross_axis: None,
+            nonlinearity: None,
         }),
     },
 ];

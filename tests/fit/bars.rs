@@ -22,6 +22,8 @@ fn fit(observations: &[Observation], shape: Parameterisation, gravity: f64, star
         estimator: Estimator::Magnitude,
         gravity: Gravity::configured(gravity),
         placement_std: 0.01,
+        cross_axis_std: 0.01,
+        nonlinearity: 0.0,
         bounds: &bounds,
         loss: Loss::Square,
         start,

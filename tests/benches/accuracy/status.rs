@@ -2,7 +2,8 @@
 //!
 //! Sensors and placements are those of a [`Population`]; on top of that each scenario does to the readings what its name
 //! says. A calibration is wrong if any parameter is off by more than 3.29 of its standard deviations, which an honest one
-//! is once in a thousand.
+//! is once in a thousand; where the bias moves, off what was true at the beginning or off what is true at the end. A
+//! lower-triangular S is held against the true one in the frame of the sensor's own axes.
 
 use nalgebra::Vector3;
 use rand::seq::SliceRandom;
@@ -118,7 +119,12 @@ impl Row {
             let lower = scenario.accelerometer.sensitivity.matrix().lower_triangle();
             scenario.accelerometer.sensitivity = Sensitivity::Matrix(lower.transpose().into());
         }
-        let preset = matches!(self.kind, Kind::Nonlinear(_)).then(|| Preset::named("mpu9250")).flatten();
+        let documented = match self.kind {
+            Kind::Nonlinear(_) => true,
+            Kind::CrossAxis(std) => std > 0.01,
+            _ => false,
+        };
+        let preset = documented.then(|| Preset::named("mpu9250")).flatten();
         match self.kind {
             Kind::Bad { bumps } if bumps > 0 => scenario.pose.iter_mut().for_each(|pose| pose.rest_s = 12.0),
             Kind::Bumped => scenario.pose.iter_mut().for_each(|pose| pose.rest_s = 6.0),
@@ -140,7 +146,8 @@ impl Row {
             _ => {}
         }
         let mut change = Change::new(self.kind, &scenario, random);
-        Trial::altered(&scenario, preset, |reading, seconds| change.apply(reading, seconds))
+        let moved = change.moved();
+        Trial::altered(&scenario, preset, moved, |reading, seconds| change.apply(reading, seconds))
     }
 }
 
@@ -177,6 +184,15 @@ impl Change {
             current: None,
             flicker: [Vector3::zeros(); 5],
             random,
+        }
+    }
+
+    /// What the bias moves by from the beginning to the end.
+    fn moved(&self) -> Vector3<f64> {
+        match self.kind {
+            Kind::Warming(slope) => Vector3::repeat(10.0 * slope * (1.0 - (-3.0_f64).exp())),
+            Kind::Step(size) | Kind::Ramp(size) => Vector3::ith(self.axis, size),
+            _ => Vector3::zeros(),
         }
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use stillpoint::engine::{Config, Engine, Event, Message, Secondary};
 use stillpoint::fit;
 use stillpoint::imu::{Preset, Sample};
-use stillpoint::messages::triad::Status;
+use stillpoint::messages::triad::{Model, Status};
 use stillpoint::messages::{Calibration, Triad, Vector3 as Numbers};
 use stillpoint::simulate::{Reading, Scenario, TriadTruth, Truth, samples};
 
@@ -50,6 +50,8 @@ impl Seen {
 /// A session with its last calibration.
 pub struct Trial {
     truth: Truth,
+    /// What the accelerometer's bias moved by from the beginning to the end.
+    moved: Vector3<f64>,
     calibration: Option<Calibration>,
 }
 
@@ -64,11 +66,17 @@ impl Trial {
         });
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
         let config = Config { secondary: secondary.collect(), fit, ..Config::default() };
-        Self { calibration: learn(scenario, config), truth }
+        Self { calibration: learn(scenario, config), truth, moved: Vector3::zeros() }
     }
 
-    /// The same with the readings altered on their way, given the seconds since the first; a preset may be known.
-    pub fn altered(scenario: &Scenario, preset: Option<Preset>, alter: impl FnMut(&mut Reading, f64)) -> Self {
+    /// The same with the readings altered on their way, given the seconds since the first, which moves the bias by so much;
+    /// a preset may be known.
+    pub fn altered(
+        scenario: &Scenario,
+        preset: Option<Preset>,
+        moved: Vector3<f64>,
+        alter: impl FnMut(&mut Reading, f64),
+    ) -> Self {
         let truth = Truth::of(scenario).unwrap();
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
         let config = Config { gyroscope: "/imu".to_owned(), fit, ..Config::default() };
@@ -76,7 +84,7 @@ impl Trial {
             Some(preset) => config.of(preset),
             None => config,
         };
-        Self { calibration: learn_altered(scenario, config, alter), truth }
+        Self { calibration: learn_altered(scenario, config, alter), truth, moved }
     }
 
     pub fn is_gyroscope_confirmed(&self) -> bool {
@@ -98,12 +106,17 @@ impl Trial {
         self.triad(quantity).into_iter().flat_map(move |(triad, truth)| {
             let (value, std, truth) = match quantity {
                 Quantity::AccelScale | Quantity::SecondaryScale => {
-                    (&triad.scale, &triad.scale_std, matrix(truth).diagonal())
+                    (&triad.scale, &triad.scale_std, in_frame_of(triad, truth).diagonal())
                 }
                 _ => (&triad.bias, &triad.bias_std, Vector3::from(truth.bias)),
             };
             let seen = |value: &Numbers, std: &Numbers| {
-                let error = vector(value) - truth;
+                let mut error = vector(value) - truth;
+                if quantity == Quantity::AccelBias {
+                    // What was true before and what is true now, whichever it is further from.
+                    let now = error - self.moved;
+                    error = error.zip_map(&now, |then: f64, now: f64| if now.abs() > then.abs() { now } else { then });
+                }
                 (0..3).map(|i| Seen { error: error[i], std: vector(std)[i] }).collect::<Vec<_>>()
             };
             value.as_ref().zip(std.as_ref()).map(|(value, std)| seen(value, std)).unwrap_or_default()
@@ -120,9 +133,10 @@ impl Trial {
         let inverse = Matrix3::from_row_slice(&triad.sensitivity).try_inverse();
         let (Some(bound), Some(inverse)) = (triad.worst_case_error, inverse) else { return Vec::new() };
         let bias = triad.bias.as_ref().map(vector).unwrap_or_default();
+        let sensitivity = in_frame_of(triad, truth);
         let error = |up: Vector3<f64>| {
             let force = up * self.truth.gravity;
-            (inverse * (Vector3::from(truth.bias) + matrix(truth) * force - bias) - force).norm()
+            (inverse * (Vector3::from(truth.bias) + sensitivity * force - bias) - force).norm()
         };
         // A spiral over the sphere.
         const DIRECTIONS: u32 = 50;
@@ -177,6 +191,15 @@ fn learn_altered(scenario: &Scenario, config: Config, mut alter: impl FnMut(&mut
     engine.finish(&mut events);
     note(&mut events);
     calibration
+}
+
+/// The true S in the frame of an estimate: a lower-triangular one is that of the sensor's own axes.
+fn in_frame_of(triad: &Triad, truth: &TriadTruth) -> Matrix3<f64> {
+    let matrix = matrix(truth);
+    match triad.model() {
+        Model::Triangular => (matrix * matrix.transpose()).cholesky().unwrap().l(),
+        _ => matrix,
+    }
 }
 
 fn matrix(truth: &TriadTruth) -> Matrix3<f64> {
