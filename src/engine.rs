@@ -310,7 +310,7 @@ impl Engine {
         events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));
-        let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries()));
+        let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries(), &self.fixture));
         let coverage = publication::coverage(header.clone(), &self.history, &self.fixture, solution, obstacle);
         if let Some(coverage) = self.gate.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));

@@ -1,5 +1,7 @@
 //! Guidance for the operator: next steps, notes and log lines.
 
+use nalgebra::{Matrix3, Rotation3, Vector3 as Direction};
+
 use super::config::Config;
 use super::drift::Drift;
 use super::fault::FaultKind;
@@ -7,9 +9,10 @@ use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::{Missing, Solution};
 use super::status::Unconfirmed;
-use crate::fit::{Calibration, Estimate, Gravity, Parameterisation, Source};
+use crate::fit::{Calibration, Estimate, Fixture, Gravity, Parameterisation, Source};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
+use crate::messages::segment::Reason;
 use crate::messages::triad::Status;
 use crate::messages::{self, Face, Segment, Triad, Vector3};
 use crate::still::{self, Segmenter, State};
@@ -34,6 +37,7 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirm
             "still to see: {}. Turn the sensor so that {first} points up and let it rest for two seconds",
             missing.join(", ")
         ),
+        ([], Err(why), _) if !why.asks_for_rests() => format!("no calibration: {why}"),
         ([], Err(why), _) => format!("no calibration: {why}. Repeat the {} faces on a flat, firm surface", faces.len()),
         ([], Ok(_), _) if !solution.doubts.is_empty() => solution.doubts.join("; "),
         ([], Ok(_), _) if solution.drift.as_ref().is_some_and(|drift| !drift.followed) => {
@@ -144,10 +148,15 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
 }
 
 /// What keeps the accelerometer from being calibrated however many faces are shown; `None` if nothing is known to.
-pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest]) -> Option<String> {
+pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fixture) -> Option<String> {
     let forbidden = solution.faults.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
     if let Some(fault) = forbidden {
         return Some(fault.text.clone());
+    }
+    if solution.accelerometer.is_err()
+        && let Some(rejected) = mounted(entries, fixture, solution).or_else(|| out_of_range(entries))
+    {
+        return Some(rejected);
     }
     if entries.iter().any(|entry| entry.verdict.is_accepted()) {
         return None;
@@ -156,6 +165,50 @@ pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest]) -> Option<St
     let worst = entries.iter().max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
     let count = entries.len();
     Some(format!("none of {count} rests can be used: {}", worst.verdict.explanation))
+}
+
+/// That faces were shown whose readings are worth nothing, however often they are shown again.
+fn out_of_range(entries: &[JudgedRest]) -> Option<String> {
+    let wrong = entries.iter().filter(|entry| matches!(entry.verdict.reason, Reason::Saturated | Reason::SensorFault));
+    let count = wrong.clone().count();
+    let worst = wrong.max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
+    Some(format!("{count} of {} rests cannot be used: {}", entries.len(), worst.verdict.explanation))
+}
+
+/// That the tilted rests lie askew in the same way: the sensor is not mounted along the axes of its box.
+fn mounted(entries: &[JudgedRest], fixture: &Fixture, solution: &Solution) -> Option<String> {
+    /// Rests, and how far they may be off the mounting that they agree on, in radians.
+    const LEAST: usize = 4;
+    const NEAR: f64 = 0.1;
+    let tilted = entries.iter().filter(|entry| entry.verdict.reason == Reason::Tilted);
+    let tilted = tilted.filter_map(|entry| {
+        let normal = fixture.faces().get(entry.verdict.face()?)?.normal;
+        let up = solution.guessed.correct(&entry.rest.accelerometer.mean).try_normalize(f64::MIN_POSITIVE)?;
+        Some((normal, up))
+    });
+    let tilted: Vec<_> = tilted.collect();
+    if tilted.len() < LEAST {
+        return None;
+    }
+    // The rotation that brings the directions seen nearest to the faces (Kabsch 1976).
+    let product: Matrix3<f64> = tilted.iter().map(|(normal, up)| normal * up.transpose()).sum();
+    let svd = product.svd(true, true);
+    let (u, v) = (svd.u?, svd.v_t?);
+    let proper = Direction::new(1.0, 1.0, (u * v).determinant().signum());
+    let turned = u * Matrix3::from_diagonal(&proper) * v;
+    let plane = svd.singular_values[1] < 0.1 * svd.singular_values[0];
+    if plane || tilted.iter().any(|(normal, up)| (turned * up - normal).norm() > NEAR) {
+        return None;
+    }
+    let degrees = Rotation3::from_matrix_unchecked(turned).scaled_axis().map(f64::to_degrees);
+    Some(format!(
+        "{} rests lie askew in the same way: is the sensor mounted at an angle of {:.0}° in its box? Then say so:          fit.fixture.mounting_deg = [{:.1}, {:.1}, {:.1}]",
+        tilted.len(),
+        degrees.norm(),
+        degrees.x,
+        degrees.y,
+        degrees.z
+    ))
 }
 
 /// The driver changed a calibration of its own.

@@ -79,7 +79,7 @@ pub(super) fn on_rests(
         let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
         attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
             leave_out(entries, &left_out);
-            contradicting = left_out.into_iter().map(|left_out| left_out.placed).collect();
+            contradicting.extend(left_out.into_iter().map(|left_out| left_out.placed));
             attempt.doubts.extend(doubts);
             fit
         });
@@ -107,7 +107,8 @@ pub(super) fn on_rests(
         }
         // What contradicts itself may do so for this reason.
         if let Some(drift) = &attempt.drift {
-            attempt.fit = attempt.fit.map_err(|why| Refusal::Drifting { why: Box::new(why), drift: drift.clone() });
+            attempt.fit =
+                attempt.fit.map_err(|why| Refusal::Drifting { why: Box::new(why), drift: Box::new(drift.clone()) });
         }
     }
     attempt

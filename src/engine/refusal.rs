@@ -41,7 +41,7 @@ pub(super) enum Refusal {
     Weak { worst: f64, limit: f64, condition: f64 },
     /// A refusal that a drift may be the cause of.
     #[error("{why}; {}", drift.explanation())]
-    Drifting { why: Box<Self>, drift: Drift },
+    Drifting { why: Box<Self>, drift: Box<Drift> },
     /// Parameters beyond the configuration's bounds, each in words.
     #[error("{}: set fit.bounds, or the preset, to what the sensor is", .0.join(", "))]
     BeyondBounds(Vec<String>),
@@ -92,6 +92,17 @@ pub(super) enum Refusal {
         also(at_bounds)
     )]
     DoesNotFollow { rms: f64, limit: f64, turned: bool, at_bounds: Vec<String> },
+}
+
+impl Refusal {
+    /// Whether further rests could make up for it.
+    pub(super) fn asks_for_rests(&self) -> bool {
+        match self {
+            Self::BeyondBounds(_) => false,
+            Self::Drifting { why, .. } => why.asks_for_rests(),
+            _ => true,
+        }
+    }
 }
 
 /// Parameters that the configuration's bounds hold back, each as a remark.

@@ -111,6 +111,13 @@ impl Estimate {
 
     /// Allows for a parameter that a bound holds back and that would lie elsewhere without it.
     pub fn doubt_bound(&mut self, without: &DVector<f64>) {
-        self.widen(&(without - &self.parameters));
+        /// Half width of a normal error's 95 % interval over its standard deviation.
+        const NORMAL_95: f64 = 1.96;
+        let mut moved = without - &self.parameters;
+        for i in 0..moved.len() {
+            // Where it would lie is no surer than the parameter would be.
+            moved[i] += NORMAL_95 * self.std(i) * if moved[i] == 0.0 { 0.0 } else { moved[i].signum() };
+        }
+        self.widen(&moved);
     }
 }

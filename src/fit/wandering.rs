@@ -148,7 +148,8 @@ impl Courses {
     }
 
     /// Whether one wrong placement is the better explanation.
-    fn is_outlier(&self, explained: f64, variance: f64) -> bool {
+    fn is_outlier(&self, explained: f64) -> bool {
+        let variance = self.variance(self.by_outlier.max(explained), 1.0);
         self.by_outlier - explained > LIKELIER * variance
     }
 
@@ -181,7 +182,7 @@ impl Courses {
         let over = change.dot(&answer).max(0.0).sqrt() / (three.sqrt() * heavier);
         let wandering = Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt) };
         let told_by_slope = slope.is_some() && explained < 0.5 * change.dot(&answer) * variance;
-        (told_by_slope || !self.is_outlier(explained, variance)).then_some((over, wandering))
+        (told_by_slope || !self.is_outlier(explained)).then_some((over, wandering))
     }
 
     /// An axis stepped between two placements. A single placement before it on the axis may as well be a wrong one, and the
@@ -216,7 +217,7 @@ impl Courses {
                 let explained = moment * moment / information;
                 let variance = self.variance(explained, 1.0);
                 let over = (explained / variance).sqrt() / critical;
-                if best.as_ref().is_none_or(|(most, _)| over > *most) && !self.is_outlier(explained, variance) {
+                if best.as_ref().is_none_or(|(most, _)| over > *most) && !self.is_outlier(explained) {
                     let mut change = Vector3::zeros();
                     change[axis] = moment / information;
                     let mut std = Vector3::zeros();

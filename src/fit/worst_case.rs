@@ -1,4 +1,4 @@
-//! The error of a corrected reading at rest in the direction of gravity where it is worst. How well the parameters are
+//! The error of a corrected reading at rest, in every direction of gravity at once and in the one where it is worst. How well the parameters are
 //! known is left to the fits.
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};

@@ -535,8 +535,9 @@ pub struct Triad {
     /// absent without redundancy
     #[prost(double, optional, tag = "15")]
     pub chi2_per_dof: ::core::option::Option<f64>,
-    /// Accelerometers, m/s^2: what the error of a corrected reading at rest keeps to with a probability of 95 %, in the
-    /// direction of gravity where it is worst. Entries of S that the model leaves out are in it.
+    /// Accelerometers, m/s^2: what the error of a corrected reading at rest keeps to in every direction of gravity at once,
+    /// with a probability of 95 %, even if any one placement was wrong by as much as the others would not show. Entries of S
+    /// that the model leaves out are in it; a lower-triangular S is that of the sensor's own axes, and so is the reading.
     #[prost(double, optional, tag = "16")]
     pub worst_case_error: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "17")]

@@ -2,7 +2,7 @@
 //!
 //! Sensors and placements are those of a [`Population`]; on top of that each scenario does to the readings what its name
 //! says. A calibration is wrong if any parameter is off by more than 3.29 of its standard deviations, which an honest one
-//! is once in a thousand; where the bias moves, off what was true at the beginning or off what is true at the end. A
+//! is once in a thousand; where the bias moves, off what is true at the end. A
 //! lower-triangular S is held against the true one in the frame of the sensor's own axes.
 
 use nalgebra::Vector3;

@@ -111,12 +111,9 @@ impl Trial {
                 _ => (&triad.bias, &triad.bias_std, Vector3::from(truth.bias)),
             };
             let seen = |value: &Numbers, std: &Numbers| {
-                let mut error = vector(value) - truth;
-                if quantity == Quantity::AccelBias {
-                    // What was true before and what is true now, whichever it is further from.
-                    let now = error - self.moved;
-                    error = error.zip_map(&now, |then: f64, now: f64| if now.abs() > then.abs() { now } else { then });
-                }
+                // What is true now.
+                let moved = if quantity == Quantity::AccelBias { self.moved } else { Vector3::zeros() };
+                let error = vector(value) - truth - moved;
                 (0..3).map(|i| Seen { error: error[i], std: vector(std)[i] }).collect::<Vec<_>>()
             };
             value.as_ref().zip(std.as_ref()).map(|(value, std)| seen(value, std)).unwrap_or_default()
@@ -136,7 +133,7 @@ impl Trial {
         let sensitivity = in_frame_of(triad, truth);
         let error = |up: Vector3<f64>| {
             let force = up * self.truth.gravity;
-            (inverse * (Vector3::from(truth.bias) + sensitivity * force - bias) - force).norm()
+            (inverse * (Vector3::from(truth.bias) + self.moved + sensitivity * force - bias) - force).norm()
         };
         // A spiral over the sphere.
         const DIRECTIONS: u32 = 50;
