@@ -154,7 +154,7 @@ pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fi
         return Some(fault.text.clone());
     }
     if solution.accelerometer.is_err()
-        && let Some(rejected) = mounted(entries, fixture, solution).or_else(|| out_of_range(entries))
+        && let Some(rejected) = mounted(entries, fixture, solution).or_else(|| out_of_range(entries, solution))
     {
         return Some(rejected);
     }
@@ -168,11 +168,15 @@ pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fi
 }
 
 /// That faces were shown whose readings are worth nothing, however often they are shown again.
-fn out_of_range(entries: &[JudgedRest]) -> Option<String> {
+fn out_of_range(entries: &[JudgedRest], solution: &Solution) -> Option<String> {
     let wrong = entries.iter().filter(|entry| matches!(entry.verdict.reason, Reason::Saturated | Reason::SensorFault));
     let count = wrong.clone().count();
     let worst = wrong.max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
-    Some(format!("{count} of {} rests cannot be used: {}", entries.len(), worst.verdict.explanation))
+    let missing = match &solution.accelerometer {
+        Err(Refusal::FacesMissing(faces)) => format!(". Then show {}", faces.join(", ")),
+        _ => String::new(),
+    };
+    Some(format!("{count} of {} rests cannot be used: {}{missing}", entries.len(), worst.verdict.explanation))
 }
 
 /// That the tilted rests lie askew in the same way: the sensor is not mounted along the axes of its box.

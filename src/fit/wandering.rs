@@ -75,7 +75,8 @@ struct Courses {
     factor: Cholesky<f64, Dyn>,
     left: DVector<f64>,
     squares: f64,
-    /// Of the largest residual, what leaving its placement out would take off the squares.
+    /// The placement that stands out most, and what leaving it out would take off the squares.
+    outlier: usize,
     by_outlier: f64,
     freedom: f64,
 }
@@ -113,8 +114,8 @@ impl Courses {
             let regressors = design.row(row).transpose();
             (1.0 - regressors.dot(&factor.solve(&regressors))).max(1e-9)
         };
-        let explained = (0..left.len()).map(|row| (left[row].powi(2) / own(row), own(row)));
-        let by_outlier = explained.filter(|(_, own)| *own > 1e-6).map(|(squares, _)| squares).fold(0.0, f64::max);
+        let explained = (0..left.len()).filter(|row| own(*row) > 1e-6).map(|row| (row, left[row].powi(2) / own(row)));
+        let (outlier, by_outlier) = explained.max_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or((0, 0.0));
         Some(Self {
             times: seen.iter().map(|(time, _)| *time).collect(),
             by_bias,
@@ -123,6 +124,7 @@ impl Courses {
             design,
             factor,
             left,
+            outlier,
             by_outlier,
         })
     }
@@ -147,10 +149,9 @@ impl Courses {
         student((self.freedom - unknowns).max(0.0) + TRUST, tail, normal_beyond(tail / 2.0))
     }
 
-    /// Whether one wrong placement is the better explanation.
-    fn is_outlier(&self, explained: f64) -> bool {
-        let variance = self.variance(self.by_outlier.max(explained), 1.0);
-        self.by_outlier - explained > LIKELIER * variance
+    /// By how much one wrong placement explains more of the squares, in units of 2 ln of the odds.
+    fn outlier_lead(&self, explained: f64) -> f64 {
+        (self.by_outlier - explained) / self.variance(self.by_outlier.max(explained), 1.0)
     }
 
     /// All three axes wander from the first placement to the last.
@@ -182,11 +183,11 @@ impl Courses {
         let over = change.dot(&answer).max(0.0).sqrt() / (three.sqrt() * heavier);
         let wandering = Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt) };
         let told_by_slope = slope.is_some() && explained < 0.5 * change.dot(&answer) * variance;
-        (told_by_slope || !self.is_outlier(explained)).then_some((over, wandering))
+        (told_by_slope || self.outlier_lead(explained) < LIKELIER).then_some((over, wandering))
     }
 
-    /// An axis stepped between two placements. A single placement before it on the axis may as well be a wrong one, and the
-    /// calibration is that of all the others; a single one behind it may be what it reads by now.
+    /// An axis stepped between two placements. What a single wrong placement would explain as well is one; but the last of its
+    /// axis may be what it reads by now.
     fn step(&self) -> Option<(f64, Wandering)> {
         let count = self.times.len();
         let tells = |row: usize, axis: usize| {
@@ -198,6 +199,7 @@ impl Courses {
         for axis in 0..3 {
             let size = self.design.ncols();
             let (mut passed, mut own, mut moment) = (DVector::<f64>::zeros(size), 0.0, 0.0);
+            let is_last = !(self.outlier + 1..count).any(|row| tells(row, axis));
             let mut behind = 0;
             for row in (1..count).rev() {
                 let by = self.by_bias[row][axis];
@@ -217,7 +219,9 @@ impl Courses {
                 let explained = moment * moment / information;
                 let variance = self.variance(explained, 1.0);
                 let over = (explained / variance).sqrt() / critical;
-                if best.as_ref().is_none_or(|(most, _)| over > *most) && !self.is_outlier(explained) {
+                let lead = self.outlier_lead(explained);
+                let likelier = lead < -LIKELIER || is_last && lead < LIKELIER;
+                if best.as_ref().is_none_or(|(most, _)| over > *most) && likelier {
                     let mut change = Vector3::zeros();
                     change[axis] = moment / information;
                     let mut std = Vector3::zeros();
@@ -283,11 +287,14 @@ pub fn unexcluded(
     hints: &[Hint],
     bars: &[f64],
 ) -> Option<Hint> {
-    if hints.is_empty() {
+    // What is no more than placements differ by is in the bars.
+    let scatter = 2.0 * given.placement_std;
+    if hints.iter().all(|hint| hint.change.abs() <= scatter) {
         return None;
     }
     let courses = Courses::of(seen, given, calibration)?;
-    let counts = |hint: &&Hint| courses.moves(hint, bars) > 1.0 && !courses.excludes(hint);
+    let counts =
+        |hint: &&Hint| hint.change.abs() > scatter && courses.moves(hint, bars) > 1.0 && !courses.excludes(hint);
     hints.iter().filter(counts).max_by(|a, b| a.change.abs().total_cmp(&b.change.abs())).copied()
 }
 

@@ -15,6 +15,7 @@ mod position;
 mod presets;
 mod recognised;
 mod rests;
+mod status;
 mod thesis;
 mod turn_messages;
 mod turns;

@@ -195,6 +195,15 @@ fn statuses(seeds: Seeds, part: &str) -> bool {
         );
         met &= wrong <= 0.5 && gyro_wrong <= 0.5 && !(row.honest && confirmed < 95.0);
     }
+    if "following the next step".contains(part) {
+        let outcomes = each(seeds, |seed| Outcome::of(&status::follow(seed)));
+        let share = |of: &dyn Fn(&Outcome) -> bool| {
+            100.0 * outcomes.iter().filter(|outcome| of(outcome)).count() as f64 / outcomes.len() as f64
+        };
+        let (right, wrong) = (share(&|outcome| outcome.confirmed && !outcome.wrong), share(&|outcome| outcome.wrong));
+        println!("following the next step, one of six bad: {right:.1} % confirmed right, {wrong:.1} % confirmed wrong");
+        met &= wrong == 0.0 && right >= 90.0;
+    }
     met
 }
 

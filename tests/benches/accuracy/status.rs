@@ -151,7 +151,50 @@ impl Row {
     }
 }
 
+/// What came of doing what the next step says until it says that all is done: six faces first, one of them off by 0.1 to 0.3
+/// m/s².
+pub fn follow(seed: u64) -> Trial {
+    /// So many times somebody does as told.
+    const PATIENCE: usize = 24;
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x7ead);
+    let mut scenario = Population::new(1, 1.0).scenario(seed);
+    scenario.latitude_deg = None;
+    let change = Change::new(Kind::Bad { bumps: 0 }, &scenario, random.clone());
+    let mut round = 0;
+    loop {
+        let mut change = Change { random: random.clone(), ..change.clone() };
+        let trial =
+            Trial::altered(&scenario, None, Vector3::zeros(), |reading, seconds| change.apply(reading, seconds));
+        round += 1;
+        if trial.is_confirmed() || round > PATIENCE {
+            return trial;
+        }
+        let told = told_faces(&trial.next_step);
+        for face in told {
+            let rest_s = random.random_range(2.0..4.0);
+            scenario.pose.push(Pose { face: Some(face.to_owned()), rest_s, ..Pose::default() });
+        }
+    }
+}
+
+/// The faces that a next step asks for: the first one that it names, those along an axis, or all of them.
+fn told_faces(next_step: &str) -> Vec<&'static str> {
+    let asked = ["place ", "rest once more near ", "Turn the sensor so that ", "turn the sensor so that "];
+    let named = asked.iter().filter_map(|words| {
+        let (_, behind) = next_step.split_once(words)?;
+        FACES.into_iter().find(|face| behind.starts_with(face))
+    });
+    if let Some(face) = named.into_iter().next() {
+        return vec![face];
+    }
+    match next_step.split_once("Show the faces along ").and_then(|(_, behind)| behind.chars().next()) {
+        Some(axis) => FACES.into_iter().filter(|face| face.ends_with(axis.to_ascii_uppercase())).collect(),
+        None => FACES.to_vec(),
+    }
+}
+
 /// What happens to the readings.
+#[derive(Clone)]
 struct Change {
     kind: Kind,
     random: ChaCha8Rng,

@@ -53,6 +53,8 @@ pub struct Trial {
     /// What the accelerometer's bias moved by from the beginning to the end.
     moved: Vector3<f64>,
     calibration: Option<Calibration>,
+    /// What the operator is told to do next.
+    pub next_step: String,
 }
 
 impl Trial {
@@ -66,7 +68,8 @@ impl Trial {
         });
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
         let config = Config { secondary: secondary.collect(), fit, ..Config::default() };
-        Self { calibration: learn(scenario, config), truth, moved: Vector3::zeros() }
+        let (calibration, next_step) = learn_altered(scenario, config, |_, _| {});
+        Self { calibration, next_step, truth, moved: Vector3::zeros() }
     }
 
     /// The same with the readings altered on their way, given the seconds since the first, which moves the bias by so much;
@@ -84,7 +87,8 @@ impl Trial {
             Some(preset) => config.of(preset),
             None => config,
         };
-        Self { calibration: learn_altered(scenario, config, alter), truth, moved }
+        let (calibration, next_step) = learn_altered(scenario, config, alter);
+        Self { calibration, next_step, truth, moved }
     }
 
     pub fn is_gyroscope_confirmed(&self) -> bool {
@@ -162,17 +166,24 @@ impl Trial {
 
 /// The last calibration that an engine learns from a session.
 pub fn learn(scenario: &Scenario, config: Config) -> Option<Calibration> {
-    learn_altered(scenario, config, |_, _| {})
+    learn_altered(scenario, config, |_, _| {}).0
 }
 
-fn learn_altered(scenario: &Scenario, config: Config, mut alter: impl FnMut(&mut Reading, f64)) -> Option<Calibration> {
+fn learn_altered(
+    scenario: &Scenario,
+    config: Config,
+    mut alter: impl FnMut(&mut Reading, f64),
+) -> (Option<Calibration>, String) {
     let mut engine = Engine::new(config);
     let mut events: Vec<Event> = Vec::new();
     let mut calibration = None;
+    let mut next_step = String::new();
     let mut note = |events: &mut Vec<Event>| {
         for event in events.drain(..) {
-            if let Message::Calibration(news) = event.message {
-                calibration = Some(*news);
+            match event.message {
+                Message::Calibration(news) => calibration = Some(*news),
+                Message::Coverage(coverage) => next_step = coverage.next_step,
+                _ => {}
             }
         }
     };
@@ -187,7 +198,7 @@ fn learn_altered(scenario: &Scenario, config: Config, mut alter: impl FnMut(&mut
     }
     engine.finish(&mut events);
     note(&mut events);
-    calibration
+    (calibration, next_step)
 }
 
 /// The true S in the frame of an estimate: a lower-triangular one is that of the sensor's own axes.
