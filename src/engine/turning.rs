@@ -1,7 +1,7 @@
 //! What the turns between the remembered rests determine: the gyroscope's sensitivity, and with it the accelerometer's entries
 //! off the diagonal. How they are fitted is left to [`turn_fit`].
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Vector3};
 
 use super::givens::Givens;
 use super::model_trial::ModelTrial;
@@ -66,12 +66,7 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
         return;
     }
     let richer = match (fit.shape, attempt.poses) {
-        (Parameterisation::TRIANGULAR, _) => {
-            let (parameters, covariance) = &found.accelerometer;
-            let parameters = DVector::from_iterator(9, parameters.iter().copied());
-            let covariance = DMatrix::from_fn(9, 9, |i, j| covariance[(i, j)]);
-            Some(Estimate { parameters, covariance, ..fit.clone() })
-        }
+        (Parameterisation::TRIANGULAR, _) => triangular(attempt, fit, found, judge, givens),
         (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => {
             triangular(attempt, fit, found, judge, givens)
         }
@@ -85,7 +80,7 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
     }
 }
 
-/// A triangular accelerometer from placements on the faces, and what the turns say.
+/// A triangular accelerometer from the placements, and what the turns say.
 fn triangular(
     attempt: &ModelTrial,
     fit: &Estimate,
@@ -94,10 +89,8 @@ fn triangular(
     givens: &Givens<'_>,
 ) -> Option<Estimate> {
     let config = judge.fit;
-    let mut start = fit.calibration();
-    for (entry, value) in turn_fit::OffDiagonals::ENTRIES.into_iter().zip(&found.off_diagonals.value) {
-        start.sensitivity[entry] = *value;
-    }
+    let parameters = DVector::from_iterator(9, found.accelerometer.iter().copied());
+    let start = Parameterisation::TRIANGULAR.calibration(&parameters);
     let given = Assumptions {
         shape: Parameterisation::TRIANGULAR,
         estimator: config.estimator,
@@ -110,12 +103,13 @@ fn triangular(
         start,
     };
     let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
-    let mut richer = fit_with(&observations, &given, Some(&found.off_diagonals)).ok()?;
+    let mut richer = fit_with(&observations, &given, Some(&found.told)).ok()?;
     for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
-        // Of bias and scale; what is below the diagonal the turns say.
+        // Of bias and scale on the faces; what is below the diagonal the turns say.
         let mut moved = DVector::zeros(richer.parameters.len());
-        for (from, to) in [0, 1, 2, 3, 5, 8].into_iter().enumerate() {
-            moved[to] = doubt.get(from).copied().unwrap_or(0.0);
+        for (from, doubt) in doubt.iter().enumerate().take(fit.parameters.len()) {
+            let to = if fit.shape == Parameterisation::TRIANGULAR { from } else { [0, 1, 2, 3, 5, 8][from] };
+            moved[to] = *doubt;
         }
         richer.widen(&moved);
     }

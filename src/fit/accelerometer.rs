@@ -6,7 +6,7 @@
 //! ‖S⁻¹(m − b)‖ = g, which no tilt can touch (Frosio, Pedersini & Borghese, "Autocalibration of MEMS accelerometers",
 //! IEEE TIM 2009).
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
 use super::bound::Bounds;
 use super::calibration::Calibration;
@@ -18,7 +18,7 @@ use super::linear_system::{LinearSystem, Solved, limits};
 use super::parameterisation::{Parameterisation, Term, Truth};
 use super::placement_scatter::Assumed;
 use super::reliability::{GROSS_ERROR, Reliability};
-use super::turn_fit::OffDiagonals;
+use super::turn_fit::Told;
 use super::uncertainty::{Sharing, Uncertainty};
 
 /// What one placement read.
@@ -68,15 +68,11 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Esti
     fit_with(observations, given, None)
 }
 
-/// Fits the observations beside what something else, turns for instance, tells of the entries below the diagonal of S.
+/// Fits the observations beside what turns tell of a lower-triangular S and the biases.
 ///
 /// # Errors
 /// If they do not determine the parameters, or the solver fails.
-pub fn fit_with(
-    observations: &[Observation],
-    given: &Assumptions<'_>,
-    told: Option<&OffDiagonals>,
-) -> Result<Estimate, Error> {
+pub fn fit_with(observations: &[Observation], given: &Assumptions<'_>, told: Option<&Told>) -> Result<Estimate, Error> {
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
         (Estimator::Fixture, _) => on_fixture(observations, given, between, before),
         (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, told, between, *before),
@@ -136,7 +132,7 @@ fn on_fixture(
 fn on_magnitude(
     observations: &[Observation],
     given: &Assumptions<'_>,
-    told: Option<&OffDiagonals>,
+    told: Option<&Told>,
     between: f64,
     start: Calibration,
 ) -> Result<Stage, Error> {
@@ -150,7 +146,7 @@ fn on_magnitude(
 fn gauss_newton(
     observations: &[Observation],
     given: &Assumptions<'_>,
-    told: Option<&OffDiagonals>,
+    told: Option<&Told>,
     between: f64,
     leak: f64,
     start: Calibration,
@@ -180,18 +176,30 @@ fn gauss_newton(
     Err(Error::NotConverged)
 }
 
-/// Three equations with independent errors, in units of a typical variance.
-fn push_told(system: &mut LinearSystem, told: &OffDiagonals, at: &Calibration, variance: f64) {
-    let triangle = told.covariance.cholesky().and_then(|factor| factor.l().try_inverse());
-    let Some(unit) = triangle.filter(|_| variance > 0.0) else { return };
-    let off = told.value - Vector3::from(OffDiagonals::ENTRIES.map(|entry| at.sensitivity[entry]));
-    for row in 0..3 {
-        let factors = unit.row(row) * variance.sqrt();
-        let terms: [(Term, f64); 3] = std::array::from_fn(|i| {
-            let (row, column) = OffDiagonals::ENTRIES[i];
-            (Term::Own(row, column), factors[i])
-        });
-        system.push_known(&terms, (factors * off)[0], variance);
+/// Equations with independent errors, in units of a typical variance: one along each axis of what is told.
+fn push_told(system: &mut LinearSystem, told: &Told, at: &Calibration, variance: f64) {
+    /// Of the information along the axis that is told best: below it nothing is.
+    const NOTHING: f64 = 1e-9;
+    let shape = Parameterisation::TRIANGULAR;
+    let here = shape.vector(at);
+    // Entries of S in units of what they change a reading by.
+    let unit = SVector::<f64, 9>::from_fn(|i, _| if i < 3 { 1.0 } else { 0.1 });
+    let scaled = SMatrix::<f64, 9, 9>::from_fn(|i, j| told.information[(i, j)] * unit[i] * unit[j]);
+    let off = SVector::<f64, 9>::from_fn(|i, _| {
+        let said: f64 = (0..9).map(|j| told.information[(i, j)] * here[j]).sum();
+        (told.moment[i] - said) * unit[i]
+    });
+    let eigen = scaled.symmetric_eigen();
+    let best = eigen.eigenvalues.max();
+    for (k, &information) in eigen.eigenvalues.iter().enumerate() {
+        if variance.is_nan() || variance <= 0.0 || information.is_nan() || information <= NOTHING * best.max(0.0) {
+            continue;
+        }
+        let axis = eigen.eigenvectors.column(k);
+        let factor = (information * variance).sqrt();
+        let terms: Vec<(Term, f64)> =
+            shape.terms().iter().enumerate().map(|(i, term)| (*term, factor * axis[i] / unit[i])).collect();
+        system.push_known(&terms, axis.dot(&off) / information * factor, variance);
     }
 }
 

@@ -78,6 +78,15 @@ impl OffDiagonals {
     }
 }
 
+/// What turns say of an accelerometer whose S is lower-triangular, in the order of its parameters, whatever its rests say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Inverse covariance, shrunk by Student's quantile.
+    pub information: SMatrix<f64, 9, 9>,
+    /// That times the parameters that the turns alone would have.
+    pub moment: SVector<f64, 9>,
+}
+
 /// What a gyroscope makes of specific force at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GSensitivity {
@@ -98,8 +107,10 @@ pub struct TurnEstimate {
     pub covariance: SMatrix<f64, 9, 9>,
     /// Of the accelerometer.
     pub off_diagonals: OffDiagonals,
-    /// All of the accelerometer, as the turns leave it: bias and a lower-triangular S.
-    pub accelerometer: (SVector<f64, 9>, SMatrix<f64, 9, 9>),
+    /// The accelerometer as rests and turns together have it: bias and a lower-triangular S.
+    pub accelerometer: SVector<f64, 9>,
+    /// What the turns say of it by themselves.
+    pub told: Told,
     /// Where the rests show one.
     pub g_sensitivity: Option<GSensitivity>,
     /// Angle between gravity as predicted and as seen, of each turn, rad.
@@ -578,10 +589,8 @@ impl<'a> TurnSolution<'a> {
                 value: Vector3::from_fn(|i, _| self.at[OFF[i]]),
                 covariance: Matrix3::from_fn(off),
             },
-            accelerometer: (
-                self.at.fixed_rows::<9>(9).into_owned(),
-                solved.covariance.fixed_view::<9, 9>(9, 9).into_owned(),
-            ),
+            accelerometer: self.at.fixed_rows::<9>(9).into_owned(),
+            told: self.told(&solved, stretch).ok_or(TooLittle::Unsolved)?,
             g_sensitivity,
             residuals: self.equations.iter().map(|equations| equations.residual.norm()).collect(),
             left_out,
@@ -592,6 +601,14 @@ impl<'a> TurnSolution<'a> {
             condition,
             redundant: left_out.is_none() && self.is_redundant(&solved, &sensitivity, &half_widths),
         })
+    }
+
+    /// Of what all say of the accelerometer, what its rests said is taken out again.
+    fn told(&self, solved: &SolvedTurns, stretch: f64) -> Option<Told> {
+        let all = solved.covariance.fixed_view::<9, 9>(9, 9).try_inverse()?;
+        let rests = self.given.prior.fixed_view::<9, 9>(9, 9);
+        let moment = all * self.at.fixed_rows::<9>(9) - rests * self.given.mean;
+        Some(Told { information: (all - rests) / stretch, moment: moment / stretch })
     }
 
     /// Of what the turns alone say of the gyroscope, and of the accelerometer's entries where they are not known otherwise.

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Findings, calibration, matrix, vector};
-use crate::fit::Calibration;
+use crate::fit::{Calibration, Gravity};
 use crate::messages::triad::Status;
 use crate::messages::{self, Triad};
 
@@ -52,14 +52,18 @@ pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String>
     let then = same(earlier, &now.name, &now.topic)
         .ok_or_else(|| format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name))?;
     let (Some(now), Some(then)) = (&now.calibration, &then.calibration) else { return Ok(Vec::new()) };
+    // Where both took the same gravity for that of one site, what it is off by is in both scales alike.
+    let standard = Gravity::standard();
+    let same_site = now.gravity_source == standard.source.name() && then.gravity_source == now.gravity_source;
+    let shared = if same_site { standard.std / standard.value } else { 0.0 };
     let secondary = now.secondary.iter().filter_map(|triad| {
         let then = then.secondary.iter().find(|then| then.sensor == triad.sensor)?;
-        moved(triad, then, Some(now.gravity))
+        moved(triad, then, Some(now.gravity), shared)
     });
     let accelerometer = now.accelerometer.as_ref().zip(then.accelerometer.as_ref());
     let gyroscope = now.gyroscope.as_ref().zip(then.gyroscope.as_ref());
-    let accelerometer = accelerometer.and_then(|(now_, then)| moved(now_, then, Some(now.gravity)));
-    let gyroscope = gyroscope.and_then(|(now, then)| moved(now, then, None));
+    let accelerometer = accelerometer.and_then(|(now_, then)| moved(now_, then, Some(now.gravity), shared));
+    let gyroscope = gyroscope.and_then(|(now, then)| moved(now, then, None, 0.0));
     Ok(accelerometer.into_iter().chain(gyroscope).chain(secondary).collect())
 }
 
@@ -72,24 +76,32 @@ pub fn same<'a>(earlier: &'a [Findings], name: &str, topic: &str) -> Option<&'a 
     }
 }
 
-fn moved(now: &Triad, then: &Triad, gravity: Option<f64>) -> Option<Drift> {
+/// How a triad moved; of the scales both are off by a common share of `shared`, one standard deviation, which counts once.
+fn moved(now: &Triad, then: &Triad, gravity: Option<f64>, shared: f64) -> Option<Drift> {
     let current = calibration(now)?;
     if then.status() == Status::Undetermined {
         return None;
     }
     let earlier = calibration(then);
-    let changes = |now: [Option<&messages::Vector3>; 2], then: [Option<&messages::Vector3>; 2]| {
+    let changes = |now: [Option<&messages::Vector3>; 2], then: [Option<&messages::Vector3>; 2], shared: f64| {
         let [value, std] = now.map(|v| v.map(vector));
         let [before, std_before] = then.map(|v| v.map(vector));
         let (by, std) = (value? - before?, std.unwrap_or_default());
-        let std = std.zip_map(&std_before.unwrap_or_default(), |a, b| (a * a + b * b).sqrt());
+        let std = std.zip_map(&std_before.unwrap_or_default(), |a: f64, b: f64| {
+            let once = (shared * shared).min(a * a).min(b * b);
+            (a * a + b * b - once).sqrt()
+        });
         Some([0, 1, 2].map(|i| Change { by: by[i], std: std[i] }))
     };
     Some(Drift {
         sensor: now.sensor.clone(),
-        bias: changes([now.bias.as_ref(), now.bias_std.as_ref()], [then.bias.as_ref(), then.bias_std.as_ref()]),
-        scale: changes([now.scale.as_ref(), now.scale_std.as_ref()], [then.scale.as_ref(), then.scale_std.as_ref()])
-            .filter(|_| matrix(&then.sensitivity).is_some()),
+        bias: changes([now.bias.as_ref(), now.bias_std.as_ref()], [then.bias.as_ref(), then.bias_std.as_ref()], 0.0),
+        scale: changes(
+            [now.scale.as_ref(), now.scale_std.as_ref()],
+            [then.scale.as_ref(), then.scale_std.as_ref()],
+            shared,
+        )
+        .filter(|_| matrix(&then.sensitivity).is_some()),
         worst: gravity.zip(earlier).map(|(gravity, earlier)| worst(&current, &earlier, gravity)),
     })
 }

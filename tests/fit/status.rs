@@ -21,7 +21,7 @@ fn readings(name: &str) -> Option<Readings> {
     let mut readings = Vec::new();
     for message in mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap) {
         let schema = message.channel.schema.as_ref();
-        if !schema.is_some_and(|schema| schema.name == "sensor_msgs/msg/Imu") {
+        if schema.is_none_or(|schema| schema.name != "sensor_msgs/msg/Imu") {
             continue;
         }
         let data = &message.data[4..];
