@@ -297,6 +297,7 @@ pub struct Turn {
 }
 /// Nested message and enum types in `Turn`.
 pub mod turn {
+    #[derive(serde::Serialize, serde::Deserialize)]
     #[derive(
         Clone,
         Copy,

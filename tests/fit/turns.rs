@@ -334,7 +334,7 @@ fn six_faces_and_the_turns_between_them_determine_both_sensors() {
         assert_eq!(gyroscope.model(), Model::Turns, "{seed}: {:?}", gyroscope.notes);
         let worst_case = accelerometer.worst_case_error.unwrap();
         // What one wrong placement could hide is in it, too, which the turns check as other placements do.
-        assert!(worst_case < 0.04, "{seed}: {worst_case}");
+        assert!(worst_case < 0.06, "{seed}: {worst_case}");
         assert!(gyroscope.turns >= 20 && gyroscope.row_norms.is_some());
         for (triad, truth) in [(&accelerometer, accel), (&gyroscope, gyro)] {
             let (good, worst) = within(triad, &truth);
