@@ -12,7 +12,7 @@ use super::solution::Solution;
 use super::turn_outcome::Turning;
 use crate::Stamp;
 use crate::fit::accelerometer::{Assumptions, fit_with};
-use crate::fit::turn_fit::{self, RestSeen, TooLittle, TurnEstimate, TurnSeen, TurnSession};
+use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnSeen, TurnSession};
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
 use crate::turns::{History, Unusable};
@@ -103,7 +103,18 @@ fn triangular(
         start,
     };
     let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
-    let mut richer = fit_with(&observations, &given, Some(&found.told)).ok()?;
+    let checked = fit_with(&observations, &given, Some(&found.told)).ok()?;
+    let mut richer = match fit.shape {
+        Parameterisation::TRIANGULAR => checked,
+        _ => {
+            // Bias and scale are those of the rests, which the turns check.
+            let mut richer = fit_with(&observations, &given, Some(&Told::from(&found.off_diagonals))).ok()?;
+            if let (Some(own), Some(more)) = (&mut richer.reliability, &checked.reliability) {
+                own.checked_by(more);
+            }
+            richer
+        }
+    };
     for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
         // Of bias and scale on the faces; what is below the diagonal the turns say.
         let mut moved = DVector::zeros(richer.parameters.len());

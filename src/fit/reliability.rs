@@ -28,7 +28,9 @@ pub struct Check {
     /// By how many of its own standard deviations, which it inflates, the largest error that would not be noticed moves any
     /// parameter at the most.
     pub beyond_bars: f64,
-    /// What the largest error that would not be noticed moves the parameters by.
+    /// The largest error that would not be noticed, in standard deviations.
+    pub detectable: f64,
+    /// What that moves the parameters by.
     pub hidden: DVector<f64>,
 }
 
@@ -64,11 +66,21 @@ impl Reliability {
                 let others = ((squares - squared) / (freedom - 1.0)).max(1e-12);
                 disagreement = disagreement.max((squared / others).sqrt() / critical);
             }
-            let hidden = (detectable / redundancy.sqrt().max(1e-9)).min(gross * solved.weight(i));
+            let most = (detectable / redundancy.sqrt().max(1e-9)).min(gross * solved.weight(i));
             let beyond_bars = detectable * (leverage.max(0.0) / redundancy.max(1e-9)).sqrt() / inflation;
-            Check { redundancy, beyond_bars, hidden: gain.column(i) * hidden }
+            Check { redundancy, beyond_bars, detectable: most, hidden: gain.column(i) * most }
         });
         Self { checks: checks.collect(), disagreement }
+    }
+
+    /// The same placements are checked by more than this fit was made of.
+    pub fn checked_by(&mut self, more: &Self) {
+        for (own, other) in self.checks.iter_mut().zip(&more.checks) {
+            let smaller = (other.detectable / own.detectable.max(f64::MIN_POSITIVE)).min(1.0);
+            let hidden = &own.hidden * smaller;
+            *own = Check { hidden, ..other.clone() };
+        }
+        self.disagreement = self.disagreement.max(more.disagreement);
     }
 
     /// Whether any one wrong placement would show.

@@ -88,6 +88,23 @@ pub struct Told {
     pub moment: SVector<f64, 9>,
 }
 
+impl From<&OffDiagonals> for Told {
+    /// These entries, and nothing of the others.
+    fn from(entries: &OffDiagonals) -> Self {
+        let mut told = Self { information: SMatrix::zeros(), moment: SVector::zeros() };
+        let Some(information) = entries.covariance.try_inverse() else { return told };
+        let moment = information * entries.value;
+        // Their places among the nine.
+        for (i, row) in OFF.map(|place| place - 9).into_iter().enumerate() {
+            told.moment[row] = moment[i];
+            for (j, column) in OFF.map(|place| place - 9).into_iter().enumerate() {
+                told.information[(row, column)] = information[(i, j)];
+            }
+        }
+        told
+    }
+}
+
 /// What a gyroscope makes of specific force at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GSensitivity {
