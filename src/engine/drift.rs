@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DVector, Vector3};
 
-use super::model_trial::Trial;
 use super::observations::{self, Placed};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
@@ -45,6 +44,8 @@ pub(super) struct Fitted<'a> {
     pub(super) seen: &'a [Placed],
     pub(super) left_out: &'a [Placed],
     pub(super) given: &'a Assumptions<'a>,
+    /// The accelerometer's quantisation step, m/s².
+    pub(super) step: Option<f64>,
     /// The best that is known.
     pub(super) calibration: Calibration,
     /// The fit itself, if there is one.
@@ -52,11 +53,11 @@ pub(super) struct Fitted<'a> {
 }
 
 /// Looks for a bias that moved.
-pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, trial: &Trial<'_>, poses: Poses) -> Option<Drift> {
-    let Fitted { entries, given, calibration, fit, .. } = fitted;
+pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Option<Drift> {
+    let Fitted { entries, given, step, calibration, fit, .. } = fitted;
     // Without ageing, which only says how much a fit is to believe of what was long ago.
     let ageless = fit::Config { half_life_s: None, ..judge.fit.clone() };
-    let fresh = observations::placements(entries, &Judge { fit: &ageless, ..*judge }, poses, trial.givens.step);
+    let fresh = observations::placements(entries, &Judge { fit: &ageless, ..*judge }, poses, *step);
     let seen = if judge.fit.half_life_s.is_some() { &fresh } else { fitted.seen };
     let first = seen.iter().map(|placed| placed.start).min()?;
     let timed = |placed: &Placed| (placed.start.seconds_since(first), placed.observation);
@@ -89,16 +90,15 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, trial: &Trial<'_>, p
     };
     let followed = judge.fit.half_life_s.is_some() && within(&moved, &bars);
     let half_life = (judge.fit.half_life_s.is_none() && fit.is_some())
-        .then(|| follows(fitted, judge, trial, poses, &found, &starts))
+        .then(|| follows(fitted, judge, poses, &found, &starts))
         .flatten();
     Some(Drift { course, faces, half_life, moved, followed })
 }
 
 /// The longest half-life with which a fit of these rests lags behind by no more than its bars.
 fn follows(
-    Fitted { entries, given, fit, .. }: &Fitted<'_>,
+    Fitted { entries, given, step, fit, .. }: &Fitted<'_>,
     judge: &Judge<'_>,
-    trial: &Trial<'_>,
     poses: Poses,
     found: &Wandering,
     starts: &BTreeMap<u32, f64>,
@@ -106,7 +106,7 @@ fn follows(
     let span = starts.values().copied().fold(0.0, f64::max);
     [2.0, 4.0, 8.0, 16.0].into_iter().map(|part| (span / part).round().max(1.0)).find(|half_life| {
         let config = fit::Config { half_life_s: Some(*half_life), ..judge.fit.clone() };
-        let seen = observations::placements(entries, &Judge { fit: &config, ..*judge }, poses, trial.givens.step);
+        let seen = observations::placements(entries, &Judge { fit: &config, ..*judge }, poses, *step);
         let seen: Vec<_> = seen.iter().map(|placed| placed.observation).collect();
         let start = fit.map_or(given.start, |fit| fit.calibration());
         let Ok(fit) = accelerometer::fit(&seen, &Assumptions { start, ..**given }) else { return false };

@@ -98,10 +98,11 @@ pub(super) fn on_rests(
             seen: &attempt.seen,
             left_out: &contradicting,
             given: &given,
+            step: trial.givens.step,
             calibration,
             fit: attempt.fit.as_ref().ok(),
         };
-        attempt.drift = drift(&fitted, judge, trial, poses);
+        attempt.drift = drift(&fitted, judge, poses);
         if let (Some(drift), Ok(fit)) = (&attempt.drift, &mut attempt.fit) {
             fit.widen(&drift.moved);
         }
