@@ -31,7 +31,8 @@ const EXIT_CODES: &str = "Exit codes:
   2  command line or configuration
   3  done, but the input was damaged or never finished (0 with --accept-damage)
   4  done, but --require-calibration was not met
-  5  passing trouble, such as a full disk or a server out of reach: the same command may succeed later";
+  5  passing trouble, such as a full disk or a server out of reach: the same command may succeed later
+  6  of a list (--inputs-from, --shard, --manifest) all that can be done is done; what is left no retry mends";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -47,6 +48,8 @@ pub enum Command {
     Report(Report),
     /// The calibration of a recording, for other programs
     Export(Export),
+    /// One calibration per sensor out of many recordings, though no single one determines it; and how it changed over time
+    Merge(Merge),
     /// A calibration that another program wrote, as our own: to compare with, or to correct by
     Import(Import),
     /// Take the annotations out again: the original, byte for byte
@@ -74,7 +77,7 @@ pub struct Configuration {
     pub set: Vec<String>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Against {
     /// An earlier calibration in any format of export: say how far the sensor has moved since. What tail and watch show
     /// live is corrected by it until there is a new one
@@ -91,11 +94,21 @@ pub struct Pointing {
     pub axes: Option<Axes>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Annotate {
     /// The recordings: files, or rosbag2 folders, each of which is one
-    #[arg(required = true, value_name = "INPUT", value_parser = on_disk())]
+    #[arg(required_unless_present = "inputs_from", value_name = "INPUT", value_parser = on_disk())]
     pub inputs: Vec<PathBuf>,
+    /// A file that lists further recordings, one a line; - for standard input
+    #[arg(long, value_name = "FILE")]
+    pub inputs_from: Option<PathBuf>,
+    /// Work on one part of the recordings: I of N, counted from 0; auto, or auto/N, takes I from JOB_COMPLETION_INDEX,
+    /// AWS_BATCH_JOB_ARRAY_INDEX or SLURM_ARRAY_TASK_ID [default: with --inputs-from, auto where both numbers are there]
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["join", "output"])]
+    pub shard: Option<String>,
+    /// Write what became of each recording here, one line of JSON each
+    #[arg(long, value_name = "FILE")]
+    pub manifest: Option<PathBuf>,
     /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir", value_parser = on_disk())]
     pub output: Option<PathBuf>,
@@ -339,6 +352,21 @@ pub struct Export {
     /// What to write
     #[arg(long, value_parser = one_of(Format::ALL.iter().map(|format| (*format, format.name, format.help))))]
     pub format: Format,
+    #[command(flatten)]
+    pub convention: Convention,
+    /// Where to write [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace an output that exists
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub configuration: Configuration,
+}
+
+/// What a format of others has to be told.
+#[derive(Debug, Args)]
+pub struct Convention {
     /// Which IMU, where a format holds one and there are several
     #[arg(long, value_name = "NAME")]
     pub imu: Option<String>,
@@ -360,12 +388,38 @@ pub struct Export {
     /// yours in m/s³/√Hz and rad/s²/√Hz
     #[arg(long, value_name = "bound|ACCEL,GYRO")]
     pub random_walk: Option<RandomWalk>,
+}
+
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// Recordings of one sensor or several: annotated ones and sidecars, whose rests are read; or raw ones, which are looked
+    /// through first
+    #[arg(value_name = "INPUT", required_unless_present = "inputs_from", value_parser = on_disk())]
+    pub inputs: Vec<PathBuf>,
+    /// A file that lists further recordings, one a line; - for standard input
+    #[arg(long, value_name = "FILE")]
+    pub inputs_from: Option<PathBuf>,
+    /// What tells sensors apart: topic, name, frame-id, or folder (that the recording is in); several, separated by commas,
+    /// together
+    #[arg(long, value_name = "KEY", default_value = "topic")]
+    pub by: String,
+    /// What to write [default: a report on the terminal]
+    #[arg(long, value_parser = one_of(Format::ALL.iter().map(|format| (*format, format.name, format.help))))]
+    pub format: Option<Format>,
+    #[command(flatten)]
+    pub convention: Convention,
     /// Where to write; - is standard output, as without
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Replace an output that exists
     #[arg(long)]
     pub force: bool,
+    /// Exit with 4 unless every sensor got an accelerometer calibration
+    #[arg(long)]
+    pub require_calibration: bool,
+    /// Exit with 0 when an input was damaged
+    #[arg(long)]
+    pub accept_damage: bool,
     #[command(flatten)]
     pub configuration: Configuration,
 }

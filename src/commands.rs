@@ -4,9 +4,13 @@ mod annotate;
 mod config;
 mod export;
 mod import;
+mod listing;
+mod manifest;
+mod merge;
 mod progress;
 mod repair;
 mod report;
+mod shard;
 mod shell;
 mod simulate;
 mod stream;
@@ -39,6 +43,7 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
         Command::Topics(args) => topics::run(&args, json, stop),
         Command::Export(args) => export::run(&args, stop),
         Command::Import(args) => import::run(&args),
+        Command::Merge(args) => merge::run(&args, json, stop),
         Command::Report(args) => report::run(&args, json, stop),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
@@ -61,6 +66,8 @@ pub enum Code {
     Damaged,
     Uncalibrated,
     Passing,
+    /// Of a list: no retry mends it.
+    Hopeless,
     Refused,
     Usage,
 }
@@ -79,6 +86,19 @@ impl Code {
             _ => Self::Refused,
         }
     }
+
+    /// What the program exits with.
+    pub fn number(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Refused => 1,
+            Self::Usage => 2,
+            Self::Damaged => 3,
+            Self::Uncalibrated => 4,
+            Self::Passing => 5,
+            Self::Hopeless => 6,
+        }
+    }
 }
 
 /// The code of a command whose input had so many damages.
@@ -88,14 +108,7 @@ fn damaged(damages: u64, accepted: bool) -> Code {
 
 impl From<Code> for ExitCode {
     fn from(code: Code) -> Self {
-        Self::from(match code {
-            Code::Done => 0,
-            Code::Refused => 1,
-            Code::Usage => 2,
-            Code::Damaged => 3,
-            Code::Uncalibrated => 4,
-            Code::Passing => 5,
-        })
+        Self::from(code.number())
     }
 }
 

@@ -42,6 +42,7 @@ mod outliers;
 mod preset;
 mod publication;
 mod reference;
+mod refit;
 mod refusal;
 mod rest_history;
 mod rest_judge;
@@ -54,7 +55,7 @@ mod turning;
 mod unit_probe;
 mod units;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,7 @@ use self::givens::Givens;
 use self::noise::Noise;
 pub use self::noise::{allan_sums, axis_noise};
 use self::reference::Reference;
+pub use self::refit::{Motion, Moved, Refitted, gravity, rest_of};
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
 use self::solution::Solution;
@@ -74,11 +76,11 @@ use self::turn_verdict::TurnsTold;
 pub use self::unit_probe::UnitProbe;
 pub use self::units::{UnitFinding, unconfirmed_unit, unit_of_gravity};
 use crate::Stamp;
-use crate::fit::{Fixture, Place};
+use crate::fit::{Fixture, Parameterisation, Place};
 use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
-use crate::still::{Outcome, Segmenter, State, Status};
+use crate::still::{AllanSums, Outcome, Rest, Segmenter, State, Status};
 use crate::turns::{Explanation, History};
 
 /// Learns the calibration of one IMU.
@@ -373,4 +375,49 @@ impl Engine {
         };
         Event { log_time, message: Message::Log(log) }
     }
+}
+
+/// Judges and fits rests as an engine would that had found them all. Placements are told apart by their numbers.
+pub fn refit(
+    rests: impl IntoIterator<Item = Rest>,
+    noise: BTreeMap<Sensor, AllanSums>,
+    motion: &Motion,
+    config: Config,
+) -> Refitted {
+    let mut engine = Engine::new(config);
+    engine.noise = Noise::of(noise);
+    rests.into_iter().for_each(|rest| engine.history.add(rest));
+    let mut solution = engine.solve();
+    if let (Some(moved), Ok(fit)) = (&motion.accelerometer, &mut solution.accelerometer) {
+        moved.replace(fit, Some(solution.gravity));
+    }
+    if let (Some(moved), Some(fit)) = (&motion.gyroscope, &mut solution.gyroscope)
+        && fit.shape == Parameterisation::BIAS
+    {
+        moved.replace(fit, None);
+    }
+    let Engine { config, fixture, history, .. } = &engine;
+    let stamp = history.entries().iter().map(|entry| entry.rest.end).max().unwrap_or_default();
+    let header = publication::header(stamp, &config.frame_id);
+    let segment = |entry| publication::segment(header.clone(), entry, config, fixture);
+    let segments = history.entries().iter().map(segment).collect();
+    let obstacle = guidance::obstacle(&solution, history.entries(), fixture);
+    let coverage = publication::coverage(header.clone(), history, fixture, &solution, obstacle);
+    let mut calibration = publication::calibration(header, history, config, &solution);
+    if let (Some(moved), Some(triad)) = (&motion.accelerometer, &mut calibration.accelerometer)
+        && solution.accelerometer.is_ok()
+    {
+        triad.notes.push(moved.note.clone());
+    }
+    if let (Some(moved), Some(triad)) = (&motion.gyroscope, &mut calibration.gyroscope)
+        && solution.gyroscope.as_ref().is_some_and(|fit| fit.shape == Parameterisation::BIAS)
+    {
+        triad.notes.push(moved.note.clone());
+    }
+    let round = engine.gate.round(&engine.history, &engine.fixture, engine.config.fit.refit);
+    let mut calibration = engine.gate.calibration(calibration, true, round);
+    if let Some(calibration) = &mut calibration {
+        engine.noise.describe(calibration);
+    }
+    Refitted { segments, coverage, calibration }
 }

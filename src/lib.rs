@@ -27,6 +27,7 @@
 //! * [`annotate`]: events to message bytes and annotation blocks.
 //! * [`config`]: the configuration file.
 //! * [`report`]: what was learned, for people and in the formats of other programs.
+//! * [`merge`]: what recordings of one sensor say together.
 //! * [`pipeline`]: the events of a scan through all of these, for whoever reads a recording.
 //! * [`simulate`]: recordings with known truth.
 //! * [`run`]: the shell. Its rooms: `input` (recordings on disk), `output` (results on disk), `batch`, `tail`, `watch`,
@@ -77,6 +78,7 @@ pub mod config;
 pub mod engine;
 pub mod fit;
 pub mod imu;
+pub mod merge;
 pub mod messages;
 pub mod pipeline;
 pub mod record;

@@ -3,6 +3,7 @@
 //! What the bytes mean is left to the layers beneath, which know none of these.
 
 mod batch;
+mod gather;
 mod input;
 mod inspect;
 mod limits;
@@ -15,6 +16,7 @@ mod watch;
 
 pub use crate::pipeline::{Ending, News, Progress, Tell};
 pub use batch::{Form, Options, Report, annotate, calibrate};
+pub use gather::{Gathered, SensorKey, gather};
 pub use input::{Input, Listener, Made, Watch, made, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
 pub use limits::{allow_many_files, outlive_file_size_limit};

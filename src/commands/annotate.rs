@@ -6,24 +6,31 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
-use stillpoint::run::{self, Access, Form, Input, Made, Options, Report, Stop, Written};
+use stillpoint::run::{self, Access, Form, Input, Made, Options, Reads, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
+use super::manifest::Manifest;
 use super::progress::Progress;
+use super::shard::Shard;
 use super::text::Look;
-use super::{Code, configuration, import, name, print_json, reads, summary};
+use super::{Code, configuration, import, listing, name, print_json, reads, summary};
 use crate::cli;
 use crate::console::COMPOSED;
 
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
+    let is_list = args.inputs_from.is_some() || args.shard.is_some() || args.manifest.is_some();
+    let listed = listing::inputs(&args.inputs, args.inputs_from.as_deref())?;
+    let args = &cli::Annotate { inputs: listed, ..args.clone() };
+    let shard = Shard::choose(args.shard.as_deref(), args.inputs_from.is_some())?;
     let inputs = inputs(args);
     let works = works(args, &inputs)?;
     refuse_itself(args, &inputs, &works)?;
-    let mut gravest = Code::Done;
-    for work in works {
+    let mut manifest = Manifest::open(args.manifest.as_deref(), &read(args, &inputs))?;
+    let (mut gravest, mut passing) = (Code::Done, false);
+    for work in works.into_iter().enumerate().filter(|(i, _)| shard.holds(*i)).map(|(_, work)| work) {
         let code = match work.run(args, &config, stop) {
             Ok((report, written)) => {
                 if json {
@@ -33,13 +40,20 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                     info!("{}", work.input().display());
                 }
                 work.say(&report, written, earlier.as_deref());
-                code(&report, &config, args.require_calibration, args.accept_damage)
+                let code = code(&report, &config, args.require_calibration, args.accept_damage);
+                manifest.done(work.input(), work.output(), &report, written, code)?;
+                code
             }
             Err(error) => {
                 if json {
                     print_json(&json!({"input": name(work.input()), "error": error.to_string()}))?;
                 }
-                Code::of(&error)
+                let code = Code::of(&error);
+                // Whoever works on it may be done when it is tried again.
+                let again = code == Code::Passing || matches!(error, Error::Busy(_) | Error::Stopped);
+                passing |= again;
+                manifest.failed(work.input(), &error, again)?;
+                code
             }
         };
         gravest = gravest.max(code);
@@ -47,7 +61,12 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
             break;
         }
     }
-    Ok(gravest)
+    Ok(match gravest {
+        // Of a list the trouble that passes is what the next attempt is for.
+        Code::Refused if is_list && passing => Code::Passing,
+        Code::Refused if is_list => Code::Hopeless,
+        gravest => gravest,
+    })
 }
 
 /// One recording, and where its result goes.
@@ -104,8 +123,13 @@ fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -
     if args.in_place || !args.force && !args.sidecar {
         return Ok(());
     }
-    let reads = reads(inputs, &[&args.configuration.config, &args.against.against]);
+    let reads = read(args, inputs);
     works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
+}
+
+/// What is read.
+fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
+    reads(inputs, &[&args.configuration.config, &args.against.against, &args.inputs_from])
 }
 
 /// Where the result of each input goes.

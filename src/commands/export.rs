@@ -10,7 +10,7 @@ use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
-    let options = options(args)?;
+    let options = options(&args.convention)?;
     let recording = Input::open(&args.input)?;
     let found = {
         let progress = Progress::new(&recording, stop);
@@ -18,7 +18,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     };
     let exported = report::export(&found.imus, args.format, &options)
         .map_err(|error| Error::input(&args.input, error.to_string()))?;
-    let reads = reads([&args.input], &[&args.configuration.config, &args.in_force]);
+    let reads = reads([&args.input], &[&args.configuration.config, &args.convention.in_force]);
     write(&exported.text, args.output.as_deref(), args.force, &reads)?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     found.damage.iter().for_each(|damage| tracing::warn!("damaged {damage}"));
@@ -28,7 +28,8 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     Ok(damaged(found.damages, args.accept_damage))
 }
 
-fn options(args: &cli::Export) -> Result<Options, Error> {
+/// What the format is to be told.
+pub fn options(args: &cli::Convention) -> Result<Options, Error> {
     let readings = match &args.in_force {
         Some(path) => {
             let parameters = Parameters::parse(&text_of(path)?);

@@ -18,6 +18,11 @@ pub(super) struct Noise {
 }
 
 impl Noise {
+    /// Sums that are known already.
+    pub(super) fn of(triads: BTreeMap<Sensor, AllanSums>) -> Self {
+        Self { triads }
+    }
+
     pub(super) fn add(&mut self, stretch: &Stretch) {
         for (sensor, sums) in &stretch.noise {
             self.triads.entry(*sensor).or_default().add(sums);

@@ -7,6 +7,7 @@ mod common;
 mod session;
 
 mod containers;
+mod fleet;
 mod in_place;
 mod met_cases;
 mod mistakes;

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::common::needs::root;
 
 /// The layers, each of which may import those in front of it. `bin` is the program around the library.
-const LAYERS: [&[&str]; 17] = [
+const LAYERS: [&[&str]; 18] = [
     &["printable", "stamp", "topic"],
     &["messages"],
     &["record"],
@@ -19,6 +19,7 @@ const LAYERS: [&[&str]; 17] = [
     &["config"],
     &["error"],
     &["report"],
+    &["merge"],
     &["pipeline"],
     &["simulate"],
     &["run"],
@@ -27,8 +28,9 @@ const LAYERS: [&[&str]; 17] = [
 ];
 
 /// Those that know no file, clock, socket, thread or command line.
-const PURE: [&str; 11] =
-    ["topic", "messages", "record", "imu", "still", "turns", "fit", "engine", "annotate", "pipeline", "report"];
+const PURE: [&str; 12] = [
+    "topic", "messages", "record", "imu", "still", "turns", "fit", "engine", "annotate", "pipeline", "report", "merge",
+];
 
 type Name = Vec<String>;
 

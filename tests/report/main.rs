@@ -6,5 +6,6 @@ mod common;
 
 mod exports;
 mod layout;
+mod merge;
 mod numbers;
 mod page;

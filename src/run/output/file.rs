@@ -146,7 +146,14 @@ impl Output {
     /// The result is complete.
     pub(crate) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
         match self.medium {
-            Medium::New(partial) => partial.finish(sync).map(|()| Written::Now),
+            Medium::New(partial) => {
+                let written = partial.file().try_clone().map_err(Error::io("write", &self.path))?;
+                match partial.finish(sync) {
+                    // Somebody else came first, and may have written the same.
+                    Err(Error::Exists(path)) if is_copy(&written, &path) => Ok(Written::Before),
+                    finished => finished.map(|()| Written::Now),
+                }
+            }
             Medium::Itself(from, staged) => {
                 if is_end(recording.file(), from, &staged).map_err(Error::io("read", &self.path))? {
                     return Ok(Written::Before);
@@ -158,6 +165,11 @@ impl Output {
             Medium::Existing(..) => Err(Error::Exists(self.path)),
         }
     }
+}
+
+/// Whether a file holds the same bytes as the one with this name.
+fn is_copy(file: &File, path: &Path) -> bool {
+    in_place::open(path, Access::Read).is_ok_and(|there| is_end(&there, 0, file).unwrap_or(false))
 }
 
 fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()> {

@@ -1,0 +1,83 @@
+//! What became of each recording of a list, one line of JSON each, as soon as it is known.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead as _, BufReader, Seek as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use stillpoint::messages::triad::Status;
+use stillpoint::report;
+use stillpoint::run::{Reads, Report, Written};
+use stillpoint::{Error, printable_json};
+
+use super::{Code, name};
+
+/// Where it is written, if it is.
+pub struct Manifest(Option<(PathBuf, File)>);
+
+impl Manifest {
+    /// Begins one. A file that is there is replaced if it is one of these, and nothing else.
+    pub fn open(path: Option<&Path>, reads: &Reads) -> Result<Self, Error> {
+        let Some(path) = path else { return Ok(Self(None)) };
+        reads.refuse(path)?;
+        let io = |error| Error::io("write", path)(error);
+        if path.metadata().is_ok_and(|there| !there.is_file()) {
+            return Err(Error::Exists(path.to_owned()));
+        }
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
+        let mut first = Vec::new();
+        // A line of ours is no longer than this.
+        std::io::Read::take(BufReader::new(&file), 1 << 20).read_until(b'\n', &mut first).map_err(io)?;
+        let line = serde_json::from_slice::<Value>(&first).ok();
+        if !first.is_empty() && line.is_none_or(|line| line.get("outcome").is_none()) {
+            return Err(Error::Exists(path.to_owned()));
+        }
+        file.rewind().and_then(|()| file.set_len(0)).map_err(io)?;
+        Ok(Self(Some((path.to_owned(), file))))
+    }
+
+    /// A recording was worked on to its end.
+    pub fn done(
+        &mut self,
+        input: &Path,
+        output: &Path,
+        report: &Report,
+        written: Written,
+        code: Code,
+    ) -> Result<(), Error> {
+        let outcome = match written {
+            Written::Now => "written",
+            Written::Before => "skipped",
+        };
+        let status = |imu: &report::Findings| {
+            let triad = imu.calibration.as_ref().and_then(|calibration| calibration.accelerometer.as_ref());
+            json!({"name": imu.name, "topic": imu.topic, "accelerometer": triad.map_or(Status::Undetermined, |triad| triad.status()).as_str_name()})
+        };
+        self.line(|| {
+            json!({
+                "input": name(input),
+                "output": name(output),
+                "outcome": outcome,
+                "code": code.number(),
+                "imus": report.imus.iter().map(status).collect::<Value>(),
+                "rests": report::rests(&report.imus),
+                "damages": report.damages,
+            })
+        })
+    }
+
+    /// A recording was given up.
+    pub fn failed(&mut self, input: &Path, error: &Error, again: bool) -> Result<(), Error> {
+        let outcome = if again { "passing" } else { "hopeless" };
+        let code = if again { Code::Passing } else { Code::Hopeless };
+        self.line(
+            || json!({"input": name(input), "outcome": outcome, "code": code.number(), "error": error.to_string()}),
+        )
+    }
+
+    fn line(&mut self, line: impl FnOnce() -> Value) -> Result<(), Error> {
+        let Some((path, file)) = &mut self.0 else { return Ok(()) };
+        let text = format!("{}\n", printable_json(&line().to_string()));
+        file.write_all(text.as_bytes()).map_err(Error::io("write", path))
+    }
+}

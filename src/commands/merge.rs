@@ -1,0 +1,142 @@
+//! `stillpoint merge`: what many recordings say of each sensor together.
+
+use console::style;
+use stillpoint::merge::{self, Change, History, Merge, Merged, Point};
+use stillpoint::report::{self, Findings};
+use stillpoint::run::{self, Gathered, Input, SensorKey, Stop};
+use stillpoint::{Error, printable};
+
+use super::progress::Progress;
+use super::table::Table;
+use super::text::Look;
+use super::{Code, configuration, damaged, export, listing, print, print_json, reads, summary, write};
+use crate::cli;
+
+pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
+    let config = configuration(&args.configuration)?;
+    let options = export::options(&args.convention)?;
+    let by = SensorKey::parse(&args.by)?;
+    if json && args.format.is_some() {
+        return Err(Error::Usage("--json prints everything, --format one format: choose one of them".to_owned()));
+    }
+    let inputs = listing::inputs(&args.inputs, args.inputs_from.as_deref())?;
+    let (mut all, mut code) = (Merge::default(), Code::Done);
+    for path in &inputs {
+        let gathered = Input::open(path).and_then(|recording| {
+            let progress = Progress::new(&recording, stop);
+            run::gather(&recording, &config, &by, &|done| progress.watch(done))
+        });
+        code = code.max(match gathered {
+            Ok(Gathered { evidence, damages }) => {
+                if damages > 0 {
+                    tracing::warn!("{}: damaged in {damages} places; what is whole is used", path.display());
+                }
+                all.join(evidence);
+                damaged(damages, args.accept_damage)
+            }
+            Err(error) => Code::of(&error),
+        });
+        stop.check()?;
+    }
+    if all.sensors.is_empty() {
+        return Ok(code);
+    }
+    let merged = merge::outcome(&all, &config);
+    if args.require_calibration && !merged.iter().all(|merged| merged.findings.is_calibrated()) {
+        code = code.max(Code::Uncalibrated);
+    }
+    let read = reads(&inputs, &[&args.configuration.config, &args.convention.in_force, &args.inputs_from]);
+    match args.format {
+        Some(format) if format.name == "json" && args.convention.imu.is_none() => {
+            write(&format!("{:#}\n", merge::document(&merged)), args.output.as_deref(), args.force, &read)?;
+        }
+        Some(format) => {
+            let findings: Vec<Findings> = merged.iter().map(|merged| merged.findings.clone()).collect();
+            let exported =
+                report::export(&findings, format, &options).map_err(|error| Error::Usage(error.to_string()))?;
+            write(&exported.text, args.output.as_deref(), args.force, &read)?;
+            exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+        }
+        None if json => print_json(&merge::document(&merged))?,
+        None => {
+            let look = Look::of(&console::Term::stdout());
+            let text: Vec<_> = merged.iter().map(|merged| people(merged, look)).collect();
+            let text = format!("{}\n", text.join("\n\n"));
+            match &args.output {
+                Some(output) => write(&console::strip_ansi_codes(&text), Some(output), args.force, &read)?,
+                None if console::colors_enabled() => print(&text)?,
+                None => print(&console::strip_ansi_codes(&text))?,
+            }
+        }
+    }
+    Ok(code)
+}
+
+fn people(merged: &Merged, look: Look) -> String {
+    let mut lines = Vec::new();
+    if merged.key != merged.findings.name {
+        lines.push(format!("{}", style(printable(&merged.key)).for_stderr().bold()));
+    }
+    lines.push(summary::imu(&merged.findings, None, look));
+    let history = &merged.history;
+    let thinned = if history.is_thinned { ", of more the ones that stand for them" } else { "" };
+    lines.push(format!("  merged   {} rests of {} recordings{thinned}", history.rests, history.recordings));
+    for (drifts, what) in history.drifts.into_iter().zip(["accelerometer", "gyroscope"]) {
+        if drifts {
+            lines.push(format!(
+                "  drift    the {what} drifts from recording to recording: the numbers are those of the end"
+            ));
+        }
+    }
+    lines.extend(history.changes.iter().map(change));
+    lines.extend(curve(history, look));
+    lines.join("\n")
+}
+
+fn change(change: &Change) -> String {
+    let what = match change.kind {
+        merge::ChangeKind::Shock => "a shock",
+        merge::ChangeKind::Replaced => "another sensor or range",
+        merge::ChangeKind::Remounted => "another mounting",
+    };
+    let numbers = |[by, std]: &[[f64; 3]; 2]| {
+        let each = by.iter().zip(std).map(|(by, std)| report::estimate(*by, 1.96 * std));
+        each.collect::<Vec<_>>().join("  ")
+    };
+    let mut text = format!(
+        "  {}   between {} and {} s ({:.0} σ), {what}: bias {} m/s²",
+        style("change").for_stderr().yellow(),
+        change.after,
+        change.before,
+        change.score,
+        numbers(&change.bias)
+    );
+    if change.kind == merge::ChangeKind::Replaced {
+        text += &format!(", scale {}", numbers(&change.scale));
+    }
+    if let Some(gyro) = &change.gyro_bias {
+        text += &format!(", gyroscope {} rad/s", numbers(gyro));
+    }
+    text
+}
+
+/// The parameters over time, as far as a terminal bears: so many recordings evenly chosen.
+fn curve(history: &History, look: Look) -> Vec<String> {
+    const LISTED: usize = 24;
+    let Some(first) = history.curve.first().filter(|_| history.curve.len() > 1) else { return Vec::new() };
+    let step = history.curve.len().div_ceil(LISTED);
+    let mut table = Table::default();
+    table.row(["days", "bias x m/s²", "y", "z", "scale x", "y", "z"].map(str::to_owned));
+    let last = history.curve.len() - 1;
+    for point in history.curve.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last).map(|(_, point)| point) {
+        table.row(row(point, first));
+    }
+    let title = style("  over time, with 95 % intervals").for_stderr().dim().to_string();
+    [title].into_iter().chain(table.lines("  ", look.columns)).collect()
+}
+
+fn row(point: &Point, first: &Point) -> Vec<String> {
+    let days = point.time.seconds_since(first.time) / 86_400.0;
+    let of = |[value, std]: &[[f64; 3]; 2]| [0, 1, 2].map(|i| report::estimate(value[i], 1.96 * std[i]));
+    [format!("{days:.2}")].into_iter().chain(of(&point.bias)).chain(of(&point.scale)).collect()
+}

@@ -1,0 +1,122 @@
+//! The fit of an engine over rests that were found before, by whomever: what merging recordings is made of. What the
+//! samples alone tell, such as the converter's step and the noise floor, is not known here.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+use super::config::Config;
+use super::solve;
+use crate::fit::{Estimate, Gravity, Parameterisation, Term};
+use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
+use crate::still::{ReadingRange, Rest, TriadMean};
+use crate::{Stamp, messages};
+
+/// What rests of several recordings come to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Refitted {
+    /// The rests in the order in which they were given, with the verdicts of this fit.
+    pub segments: Vec<Segment>,
+    /// The faces seen, and the next step.
+    pub coverage: Coverage,
+    /// The calibration, if anything is determined.
+    pub calibration: Option<Calibration>,
+}
+
+/// What the parameters of a triad have become at the time that the calibration is for, by a model in which they move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// In the order of [`Parameterisation::TRIANGULAR`], or the bias alone.
+    pub parameters: DVector<f64>,
+    /// Their covariance, the uncertainty of gravity not counted.
+    pub covariance: DMatrix<f64>,
+    /// What is to be said of it.
+    pub note: String,
+}
+
+/// What replaces the estimates of triads that move.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Of the primary accelerometer.
+    pub accelerometer: Option<Moved>,
+    /// Of the gyroscope's bias.
+    pub gyroscope: Option<Moved>,
+}
+
+/// The gravity that such a fit would use.
+pub fn gravity(config: &Config) -> Gravity {
+    solve::gravity(&config.fit, None)
+}
+
+impl Moved {
+    /// Puts it in the place of an estimate that holds the same parameters, or fewer.
+    pub(super) fn replace(&self, fit: &mut Estimate, gravity: Option<Gravity>) {
+        let order = match self.parameters.len() {
+            3 => Parameterisation::BIAS,
+            _ => Parameterisation::TRIANGULAR,
+        };
+        let place = |term: &Term| order.terms().iter().position(|known| known == term);
+        let Some(places) = fit.shape.terms().iter().map(place).collect::<Option<Vec<_>>>() else { return };
+        if self.parameters.len() != order.unknowns() || self.covariance.shape() != (order.unknowns(), order.unknowns())
+        {
+            return;
+        }
+        fit.parameters = DVector::from_iterator(places.len(), places.iter().map(|&at| self.parameters[at]));
+        fit.covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| self.covariance[(places[i], places[j])]);
+        if let Some(gravity) = gravity {
+            let mut by_gravity = &fit.parameters / gravity.value;
+            by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
+            fit.covariance += &by_gravity * by_gravity.transpose() * gravity.std.powi(2);
+        }
+    }
+}
+
+/// The rest that a segment tells of, without its secondary accelerometers, and those by their names. `None` if what it
+/// says is no reading.
+pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)> {
+    let stamp = |time: &Option<prost_types::Timestamp>| {
+        let time = time.as_ref()?;
+        Some(Stamp::from_nanos(time.seconds.checked_mul(1_000_000_000)?.checked_add(time.nanos.into())?))
+    };
+    let (start, end) = (stamp(&segment.start)?, stamp(&segment.end)?);
+    let (mut accelerometer, mut gyroscope, mut secondary) = (None, None, BTreeMap::new());
+    for mean in &segment.means {
+        match mean.sensor.as_str() {
+            "accelerometer" => accelerometer = mean_of(mean),
+            "gyroscope" => gyroscope = mean_of(mean),
+            name => secondary.extend(mean_of(mean).map(|mean| (name.to_owned(), mean))),
+        }
+    }
+    let (placement, crept) = (segment.placement, false);
+    let rest = Rest { start, end, placement, crept, accelerometer: accelerometer?, gyroscope, secondary: Vec::new() };
+    (start <= end).then_some((rest, secondary))
+}
+
+fn mean_of(message: &MeanMessage) -> Option<TriadMean> {
+    /// No sensor reads more, in either unit.
+    const MOST: f64 = 1e6;
+    let vector = |v: &messages::Vector3| Vector3::new(v.x, v.y, v.z);
+    let mean = vector(message.mean.as_ref()?);
+    let covariance = match message.covariance.len() {
+        9 => Matrix3::from_row_slice(&message.covariance),
+        _ => Matrix3::from_diagonal(&vector(message.std.as_ref()?).map(|std| std * std)),
+    };
+    let effective = message.effective_samples;
+    let sound = mean.iter().all(|value| value.abs() <= MOST)
+        && covariance.iter().all(|value| value.abs() <= MOST * MOST)
+        && covariance.diagonal().iter().all(|variance| *variance >= 0.0)
+        && effective > 0.0
+        && effective.is_finite()
+        && message.samples > 0;
+    sound.then(|| TriadMean {
+        samples: message.samples,
+        effective,
+        mean,
+        covariance,
+        trend: Vector3::zeros(),
+        trend_noise: 0.0,
+        ends: [mean; 2],
+        extremes: ReadingRange::of(&mean),
+        clipped: 0,
+    })
+}

@@ -1,0 +1,100 @@
+//! Between which recordings parameters jumped rather than walked: at each gap, what the recordings before it say of the
+//! parameters against what those behind it say, as a likelihood ratio (Willsky & Jones 1976).
+
+use nalgebra::SVector;
+
+use super::random_walk::{Filtered, Visit, Walk, span};
+
+/// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 goes beyond it by chance: with two
+/// triads, less than one in ten sensors with a thousand recordings each.
+const BEYOND: f64 = 4.0;
+
+/// Where the parameters jumped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Jump<const N: usize> {
+    /// The first visit behind it.
+    pub(super) at: usize,
+    /// By how much, and one standard deviation of that.
+    pub(super) by: SVector<f64, N>,
+    pub(super) std: SVector<f64, N>,
+    /// Normal score of the likelihood ratio.
+    pub(super) score: f64,
+}
+
+/// The jumps, the likeliest first found; in order of time.
+pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>]) -> Vec<Jump<N>> {
+    /// A sensor that jumps more often has no calibration to speak of.
+    const MOST: usize = 64;
+    let mut resets = Vec::new();
+    while resets.len() < MOST {
+        let Some(at) = best(walk, visits, &resets).filter(|jump| jump.score > BEYOND).map(|jump| jump.at) else {
+            break;
+        };
+        resets.push(at);
+        resets.sort_unstable();
+    }
+    // What each comes to beside all the others.
+    let each = resets.iter().filter_map(|&at| {
+        let others: Vec<_> = resets.iter().copied().filter(|other| *other != at).collect();
+        gaps(walk, visits, &others).into_iter().find(|jump| jump.at == at)
+    });
+    each.collect()
+}
+
+/// The likeliest further jump.
+fn best<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -> Option<Jump<N>> {
+    gaps(walk, visits, resets).into_iter().max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// What a jump in each gap would come to that has none yet.
+fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -> Vec<Jump<N>> {
+    let runs: Vec<_> = walk
+        .settings(span(visits))
+        .into_iter()
+        .map(|setting| {
+            let forward =
+                walk.filter(visits.iter().enumerate().map(|(i, visit)| (visit, resets.contains(&i))), setting);
+            let backwards = visits.iter().enumerate().rev();
+            let mut backward = walk.filter(backwards.map(|(i, visit)| (visit, resets.contains(&(i + 1)))), setting);
+            backward.states.reverse();
+            (setting, forward, backward)
+        })
+        .filter(|(_, forward, _)| forward.likelihood.is_finite())
+        .collect();
+    let without = runs.iter().map(|(_, forward, _)| forward.likelihood).fold(f64::NEG_INFINITY, f64::max);
+    let at = |k: usize| {
+        let of_run = |(setting, forward, backward): &(_, Filtered<N>, Filtered<N>)| {
+            let (before, after) = (forward.states.get(k - 1)?, backward.states.get(k)?);
+            let seconds = visits.get(k)?.time - visits.get(k - 1)?.time;
+            let covariance = before.covariance + after.covariance + walk.walked(*setting, seconds);
+            let by = after.mean - before.mean;
+            let square = by.dot(&(covariance.try_inverse()? * by));
+            let known = (0..N).map(|i| {
+                let prior = walk.prior[i] * walk.prior[i];
+                (1.0 - before.covariance[(i, i)].max(after.covariance[(i, i)]) / prior).max(0.0)
+            });
+            let freedom = known.sum::<f64>();
+            let std = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+            // Twice the logarithm of how much likelier everything is with this jump and setting.
+            let ratio = square + 2.0 * (forward.likelihood - without);
+            Some((ratio, freedom, by, std))
+        };
+        let best = runs.iter().filter_map(of_run).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (ratio, freedom, by, std) = best;
+        let told = |side: &[Visit<N>]| side.iter().map(|visit| visit.equations.len()).sum::<usize>() > 1;
+        let (before, after) = visits.split_at_checked(k)?;
+        (freedom > 0.5 && told(before) && told(after)).then(|| Jump {
+            at: k,
+            by,
+            std,
+            score: normal(ratio, freedom.max(1.0)),
+        })
+    };
+    (1..visits.len()).filter(|k| !resets.contains(k)).filter_map(at).collect()
+}
+
+/// The normal score that is exceeded as seldom as this χ² (Wilson & Hilferty 1931).
+fn normal(square: f64, freedom: f64) -> f64 {
+    let v = 2.0 / (9.0 * freedom);
+    (libm::cbrt(square.max(0.0) / freedom) - (1.0 - v)) / v.sqrt()
+}

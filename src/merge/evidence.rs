@@ -1,0 +1,124 @@
+//! What recordings say of their sensors, as far as it adds up.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::noise_set::NoiseSet;
+use super::rest_set::{PastRest, RestSet};
+use crate::engine::rest_of;
+use crate::messages::segment::Reason;
+use crate::report::Findings;
+
+/// What any number of recordings say of any number of sensors, by a key that tells sensors apart. With
+/// [`join`](Self::join) and the empty one a commutative monoid; joining what is in it already changes nothing.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Merge {
+    /// By key.
+    pub sensors: BTreeMap<String, Evidence>,
+}
+
+/// What any number of recordings say of one sensor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    pub(super) rests: RestSet,
+    pub(super) noise: NoiseSet,
+    /// What the sensor was called last, and when that was, ns.
+    pub(super) identity: Option<(i64, Identity)>,
+}
+
+/// What a recording calls a sensor.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Identity {
+    /// What its annotation topics begin with.
+    pub name: String,
+    /// Topic of its accelerometer.
+    pub topic: String,
+    /// Topic of its gyroscope.
+    pub gyroscope: String,
+    /// Frame of its messages.
+    pub frame_id: String,
+    /// Type of the messages on the topic, as far as it is known.
+    pub source_type: String,
+    /// Topics of its secondary accelerometers, by their names.
+    pub secondary: BTreeMap<String, String>,
+}
+
+impl Merge {
+    /// What one recording says of one sensor.
+    pub fn of(key: &str, findings: &Findings) -> Self {
+        Self { sensors: BTreeMap::from([(key.to_owned(), Evidence::of(findings))]) }
+    }
+
+    /// Adds what others say.
+    pub fn join(&mut self, other: Self) {
+        for (key, evidence) in other.sensors {
+            self.sensors.entry(key).or_default().join(evidence);
+        }
+    }
+}
+
+impl Evidence {
+    /// What one recording says.
+    pub fn of(findings: &Findings) -> Self {
+        let recording = findings.rests.keys().next().copied();
+        let at_rest = findings.rests.values().filter(|rest| matches!(rest.reason(), Reason::Accepted | Reason::Tilted));
+        let mut rests = RestSet::default();
+        for segment in at_rest {
+            let temperature = segment.temperature.filter(|temperature| temperature.is_finite());
+            if let (Some((rest, secondary)), Some(recording)) = (rest_of(segment), recording) {
+                rests.insert(PastRest { recording, rest, secondary, temperature });
+            }
+        }
+        let noise = recording.zip(findings.noise.as_ref());
+        let noise = noise.map(|(recording, noise)| NoiseSet::of(recording, noise)).unwrap_or_default();
+        Self { rests, noise, identity: Some((recording.unwrap_or(i64::MIN), Identity::of(findings))) }
+    }
+
+    /// Adds what others say of the same sensor.
+    pub fn join(&mut self, other: Self) {
+        self.rests.join(other.rests);
+        self.noise.join(other.noise);
+        self.identity = self.identity.take().max(other.identity);
+    }
+
+    /// The rests, as far as they are kept.
+    pub fn rests(&self) -> &RestSet {
+        &self.rests
+    }
+}
+
+impl Identity {
+    /// As a recording has it.
+    pub fn of(findings: &Findings) -> Self {
+        let calibration = findings.calibration.as_ref();
+        let triads = calibration.map_or(&[][..], |calibration| &calibration.secondary);
+        let named = triads.iter().map(|triad| (triad.sensor.clone(), triad.topic.clone()));
+        let gyroscope = calibration.and_then(|calibration| calibration.gyroscope.as_ref());
+        let mut secondary: BTreeMap<_, _> = named.collect();
+        for mean in findings.rests.values().flat_map(|rest| &rest.means) {
+            if !matches!(mean.sensor.as_str(), "accelerometer" | "gyroscope") && !secondary.contains_key(&mean.sensor) {
+                secondary.insert(mean.sensor.clone(), String::new());
+            }
+        }
+        Self {
+            name: findings.name.clone(),
+            topic: findings.topic.clone(),
+            gyroscope: gyroscope.map(|triad| triad.topic.clone()).unwrap_or_default(),
+            frame_id: Self::frame_of(findings).to_owned(),
+            source_type: findings.source_type.clone(),
+            secondary,
+        }
+    }
+
+    /// The frame of a recording's messages; empty where none is known.
+    pub fn frame_of(findings: &Findings) -> &str {
+        let headers = findings.rests.values().filter_map(|rest| rest.header.as_ref());
+        let coverage = findings.coverage.iter().filter_map(|coverage| coverage.header.as_ref());
+        headers
+            .chain(coverage)
+            .map(|header| header.frame_id.as_str())
+            .find(|frame| !frame.is_empty())
+            .unwrap_or_default()
+    }
+}

@@ -1,0 +1,303 @@
+//! What the evidence about a sensor comes to: its calibration now, and how it came to that.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+
+use super::change_points::Jump;
+use super::evidence::{Evidence, Identity, Merge};
+use super::history::{Change, ChangeKind, Epoch, History, Point};
+use super::random_walk::State;
+use super::rest_set::PastRest;
+use super::timeline::{self, Course, UNKNOWNS};
+use crate::config::Config;
+use crate::engine::{self, Motion, Moved, Refitted, Secondary};
+use crate::fit::{Parameterisation, Term};
+use crate::imu::Sensor;
+use crate::report::{Findings, nanos};
+use crate::still::{AllanSums, Rest};
+
+/// A sensor that several recordings speak of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Merged {
+    /// What it was told apart by.
+    pub key: String,
+    /// What is known of it now.
+    pub findings: Findings,
+    /// How it came to that.
+    pub history: History,
+}
+
+/// What all evidence comes to, sensor by sensor.
+pub fn outcome(merge: &Merge, config: &Config) -> Vec<Merged> {
+    merge.sensors.iter().map(|(key, evidence)| Story::of(evidence, config).tell(key)).collect()
+}
+
+/// What is known of one sensor over time.
+struct Story<'a> {
+    evidence: &'a Evidence,
+    identity: Identity,
+    engine: engine::Config,
+    /// In order of time.
+    rests: Vec<&'a PastRest>,
+    /// The places of the rests of each visit.
+    visits: Vec<Vec<usize>>,
+    accelerometer: Course<UNKNOWNS>,
+    gyroscope: Course<3>,
+}
+
+impl<'a> Story<'a> {
+    fn of(evidence: &'a Evidence, config: &Config) -> Self {
+        let identity = evidence.identity.as_ref().map(|(_, identity)| identity.clone()).unwrap_or_default();
+        let engine = engine_config(&identity, config);
+        let rests = evidence.rests.in_time();
+        let visits = timeline::visits(&rests);
+        let accelerometer = timeline::accelerometer(&rests, &visits, &engine);
+        let gyroscope = timeline::gyroscope(&rests, &visits, &engine);
+        Self { evidence, identity, engine, rests, visits, accelerometer, gyroscope }
+    }
+
+    fn tell(&self, key: &str) -> Merged {
+        let Identity { name, topic, source_type, .. } = &self.identity;
+        let mut findings = Findings { source_type: source_type.clone(), ..Findings::new(name, topic) };
+        let jumps = self.accelerometer.jumps.iter().map(|jump| jump.at);
+        let bounds: Vec<_> = [0].into_iter().chain(jumps).chain([self.visits.len()]).collect();
+        let mut epochs = Vec::new();
+        for span in bounds.windows(2).filter(|span| span[0] < span[1]) {
+            let (epoch, refitted) = self.epoch(span[0], span[1]);
+            findings.rests.extend(refitted.segments.into_iter().map(|rest| (nanos(&rest.start), rest)));
+            findings.coverage = Some(refitted.coverage);
+            findings.calibration = refitted.calibration;
+            epochs.push(epoch);
+        }
+        let history = History {
+            recordings: self.rests.iter().map(|rest| rest.recording).collect::<BTreeSet<_>>().len(),
+            rests: self.rests.len(),
+            is_thinned: self.evidence.rests.is_thinned(),
+            epochs,
+            changes: self.changes(),
+            curve: self.curve(),
+            drifts: [self.accelerometer.drifts, self.gyroscope.drifts],
+        };
+        Merged { key: key.to_owned(), findings, history }
+    }
+
+    /// What the visits from one to another, which is not among them, determine together.
+    fn epoch(&self, from: usize, until: usize) -> (Epoch, Refitted) {
+        let last = until.saturating_sub(1);
+        let since = self.gyroscope.jumps.iter().map(|jump| jump.at).filter(|at| (from..until).contains(at)).max();
+        let mut placements = BTreeMap::new();
+        let mut rests = Vec::new();
+        let mut recordings = BTreeSet::new();
+        for (visit, place) in
+            (from..until).flat_map(|visit| self.visits.get(visit).into_iter().flatten().map(move |i| (visit, *i)))
+        {
+            let Some(past) = self.rests.get(place) else { continue };
+            let number = placements.len() as u32 + 1;
+            let placement = *placements.entry((past.recording, past.rest.placement)).or_insert(number);
+            recordings.insert(past.recording);
+            let mut rest = Rest { placement, ..past.rest.clone() };
+            let secondary = self.engine.secondary.iter().map(|secondary| past.secondary.get(&secondary.name).cloned());
+            rest.secondary = secondary.collect();
+            // What a gyroscope read before it jumped says nothing of its bias now.
+            if since.is_some_and(|since| visit < since) {
+                rest.gyroscope = None;
+            }
+            self.as_of(last, visit, &mut rest);
+            rests.push(rest);
+        }
+        let (begin, end) = (rests.iter().map(|rest| rest.start).min(), rests.iter().map(|rest| rest.end).max());
+        let noise = match (recordings.first(), recordings.last()) {
+            (Some(&first), Some(&last)) => self.by_sensor(self.evidence.noise.total(first, last)),
+            _ => BTreeMap::new(),
+        };
+        let refitted = engine::refit(rests, noise, &self.motion(last), self.engine.clone());
+        let epoch = Epoch {
+            begin: begin.unwrap_or_default(),
+            end: end.unwrap_or_default(),
+            recordings: recordings.len(),
+            calibration: refitted.calibration.clone(),
+            coverage: refitted.coverage.clone(),
+        };
+        (epoch, refitted)
+    }
+
+    /// Makes of a rest what it would have read at another visit, if the parameters walk.
+    fn as_of(&self, then: usize, visit: usize, rest: &mut Rest) {
+        if self.accelerometer.is_followed
+            && let (Some(now), Some(then)) = (self.accelerometer.states.get(visit), self.accelerometer.states.get(then))
+        {
+            let truth = timeline::calibration(&now.mean).correct(&rest.accelerometer.mean);
+            rest.accelerometer.mean = timeline::calibration(&then.mean).measure(&truth);
+        }
+        if self.gyroscope.is_followed
+            && let (Some(now), Some(then)) = (self.gyroscope.states.get(visit), self.gyroscope.states.get(then))
+            && let Some(rate) = &mut rest.gyroscope
+        {
+            rate.mean += then.mean - now.mean;
+            rate.ends = [rate.mean; 2];
+        }
+    }
+
+    /// What the parameters that walk have become at a visit.
+    fn motion(&self, visit: usize) -> Motion {
+        let time = self.visits.get(visit).and_then(|visit| self.rests.get(*visit.first()?)).map(|rest| rest.rest.start);
+        let note = |what: &str, drifts: bool| {
+            let how = if drifts { "drifts" } else { "may drift, though it is not plain that it does," };
+            format!("{what} {how} from recording to recording: followed to {}", time.unwrap_or_default())
+        };
+        let accelerometer = self.accelerometer.states.get(visit).filter(|_| self.accelerometer.is_followed);
+        let gyroscope = self.gyroscope.states.get(visit).filter(|_| self.gyroscope.is_followed);
+        Motion {
+            accelerometer: accelerometer
+                .map(|state| moved(state, note("the accelerometer", self.accelerometer.drifts))),
+            gyroscope: gyroscope.map(|state| moved(state, note("the gyroscope", self.gyroscope.drifts))),
+        }
+    }
+
+    /// What changed between two visits.
+    fn changes(&self) -> Vec<Change> {
+        let (accelerometer, gyroscope) = (&self.accelerometer.jumps, &self.gyroscope.jumps);
+        let beside = |at: usize| gyroscope.iter().find(move |jump| jump.at.abs_diff(at) <= 1);
+        let alone = gyroscope.iter().filter(|jump| accelerometer.iter().all(|other| other.at.abs_diff(jump.at) > 1));
+        let both = accelerometer.iter().map(|jump| (jump.at, Some(jump), beside(jump.at)));
+        let mut changes: Vec<_> = both.chain(alone.map(|jump| (jump.at, None, Some(jump)))).collect();
+        changes.sort_by_key(|(at, ..)| *at);
+        changes
+            .into_iter()
+            .filter_map(|(at, accelerometer, gyroscope)| self.change(at, accelerometer, gyroscope))
+            .collect()
+    }
+
+    fn change(&self, at: usize, accelerometer: Option<&Jump<UNKNOWNS>>, gyroscope: Option<&Jump<3>>) -> Option<Change> {
+        /// A scale that moved by less is still the same sensor's, however sure that is.
+        const SAME: f64 = 3e-3;
+        let rest = |visit: usize, last: bool| {
+            let visit = self.visits.get(visit)?;
+            self.rests.get(*if last { visit.last() } else { visit.first() }?)
+        };
+        let (before, behind) = (rest(at.checked_sub(1)?, true)?, rest(at, false)?);
+        let (by, std) = match accelerometer {
+            Some(jump) => (jump.by, jump.std),
+            None => difference(&self.accelerometer.states, at)?,
+        };
+        let gyro_bias = match gyroscope {
+            Some(jump) => Some((jump.by, jump.std)),
+            None => difference(&self.gyroscope.states, at).filter(|_| self.has_gyroscope()),
+        };
+        let [scale, scale_std] = [&by, &std].map(diagonal);
+        let replaced = accelerometer.is_some() && (0..3).any(|i| scale[i].abs() > SAME.max(4.0 * scale_std[i]));
+        let scores = accelerometer.map(|jump| jump.score).into_iter().chain(gyroscope.map(|jump| jump.score));
+        Some(Change {
+            kind: if replaced { ChangeKind::Replaced } else { ChangeKind::Shock },
+            after: before.rest.end,
+            before: behind.rest.start,
+            score: scores.fold(0.0, f64::max),
+            bias: [bias(&by), bias(&std)],
+            scale: [scale, scale_std],
+            gyro_bias: gyro_bias.map(|(by, std)| [by.into(), std.into()]),
+            turned: None,
+        })
+    }
+
+    fn curve(&self) -> Vec<Point> {
+        let gravity = engine::gravity(&self.engine);
+        let doubt = gravity.std / gravity.value;
+        let states = self.accelerometer.states.iter().zip(&self.gyroscope.states).zip(&self.visits);
+        let point = |((accelerometer, gyroscope), visit): ((&State<UNKNOWNS>, &State<3>), &Vec<usize>)| {
+            let first = self.rests.get(*visit.first()?)?;
+            let std = accelerometer.covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+            let scale = diagonal(&accelerometer.mean);
+            let scale_std = diagonal(&std);
+            let warm: Vec<_> = visit.iter().filter_map(|i| self.rests.get(*i)?.temperature).collect();
+            Some(Point {
+                time: first.rest.start,
+                bias: [bias(&accelerometer.mean), bias(&std)],
+                scale: [scale, [0, 1, 2].map(|i| libm::hypot(scale_std[i], scale[i] * doubt))],
+                gyro_bias: self.has_gyroscope().then(|| {
+                    [
+                        gyroscope.mean.into(),
+                        gyroscope.covariance.diagonal().map(|variance| variance.max(0.0).sqrt()).into(),
+                    ]
+                }),
+                temperature: (!warm.is_empty()).then(|| warm.iter().sum::<f64>() / warm.len() as f64),
+            })
+        };
+        states.filter_map(point).collect()
+    }
+
+    fn has_gyroscope(&self) -> bool {
+        self.rests.iter().any(|rest| rest.rest.gyroscope.is_some())
+    }
+
+    fn by_sensor(&self, noise: BTreeMap<String, AllanSums>) -> BTreeMap<Sensor, AllanSums> {
+        let sensor = |name: &str| match name {
+            "accelerometer" => Some(Sensor::Accelerometer),
+            "gyroscope" => Some(Sensor::Gyroscope),
+            name => self.engine.secondary.iter().position(|secondary| secondary.name == name).map(Sensor::Secondary),
+        };
+        noise.into_iter().filter_map(|(name, sums)| Some((sensor(&name)?, sums))).collect()
+    }
+}
+
+fn moved<const N: usize>(state: &State<N>, note: String) -> Moved {
+    Moved {
+        parameters: DVector::from_column_slice(state.mean.as_slice()),
+        covariance: DMatrix::from_fn(N, N, |i, j| state.covariance[(i, j)]),
+        note,
+    }
+}
+
+/// By how much a state differs from the one before it.
+fn difference<const N: usize>(states: &[State<N>], at: usize) -> Option<(SVector<f64, N>, SVector<f64, N>)> {
+    let (before, behind) = (states.get(at.checked_sub(1)?)?, states.get(at)?);
+    let covariance: SMatrix<f64, N, N> = before.covariance + behind.covariance;
+    Some((behind.mean - before.mean, covariance.diagonal().map(|variance| variance.max(0.0).sqrt())))
+}
+
+fn bias(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
+    of_terms(parameters, Term::Bias)
+}
+
+fn diagonal(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
+    of_terms(parameters, |axis| Term::Own(axis, axis))
+}
+
+fn of_terms(parameters: &SVector<f64, UNKNOWNS>, term: impl Fn(usize) -> Term) -> [f64; 3] {
+    let terms = Parameterisation::TRIANGULAR.terms();
+    let value = |axis: usize| terms.iter().position(|known| *known == term(axis)).map(|i| parameters[i]);
+    [0, 1, 2].map(|axis| value(axis).unwrap_or_default())
+}
+
+/// What an engine would be told of such a sensor.
+fn engine_config(identity: &Identity, config: &Config) -> engine::Config {
+    let named = |imu: &&crate::imu::ImuConfig| imu.topic == identity.topic || imu.name.as_ref() == Some(&identity.name);
+    let imu = config.imu.iter().find(named);
+    let secondary = identity.secondary.iter().map(|(name, topic)| {
+        let known = imu.and_then(|imu| imu.secondary.iter().find(|secondary| secondary.name == *name));
+        Secondary {
+            name: name.clone(),
+            topic: topic.clone(),
+            preset: known.and_then(|secondary| secondary.preset),
+            model: known.and_then(|secondary| secondary.model).unwrap_or_default(),
+        }
+    });
+    let engine = engine::Config {
+        name: identity.name.clone(),
+        frame_id: identity.frame_id.clone(),
+        accelerometer: identity.topic.clone(),
+        gyroscope: identity.gyroscope.clone(),
+        secondary: secondary.collect(),
+        preset: None,
+        // Rests alone do not tell them.
+        accel_unit: None,
+        gyro_unit: None,
+        reference: false,
+        still: config.still.clone(),
+        fit: config.fit.clone(),
+    };
+    match imu.and_then(|imu| imu.preset) {
+        Some(preset) => engine.of(preset),
+        None => engine,
+    }
+}

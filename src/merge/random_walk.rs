@@ -1,0 +1,191 @@
+//! Parameters that walk at random from recording to recording, as a Kalman filter and its smoother see them (Rauch, Tung &
+//! Striebel 1965). What the equations are is left to whoever makes them.
+//!
+//! Where the parameters may have jumped, the filter begins anew. How far placements scatter (τ) and how fast the parameters
+//! walk are not known: everything is done for a grid of both, and averaged by how likely each is.
+
+use nalgebra::{SMatrix, SVector};
+
+/// One linear equation about the parameters: `value = factors · parameters`, with an error of variance `noise + gain · τ²`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Equation<const N: usize> {
+    pub(super) factors: SVector<f64, N>,
+    pub(super) value: f64,
+    pub(super) noise: f64,
+    pub(super) gain: f64,
+}
+
+/// What one recording says of the parameters.
+#[derive(Clone, Debug)]
+pub(super) struct Visit<const N: usize> {
+    /// Seconds since the first.
+    pub(super) time: f64,
+    pub(super) equations: Vec<Equation<N>>,
+}
+
+/// What is assumed of the parameters.
+#[derive(Clone, Debug)]
+pub(super) struct Walk<const N: usize> {
+    /// What they are about before anything is known.
+    pub(super) start: SVector<f64, N>,
+    /// One standard deviation of that.
+    pub(super) prior: SVector<f64, N>,
+    /// How far each walks beside the others.
+    pub(super) pace: SVector<f64, N>,
+    /// Scatters of placements to try.
+    pub(super) scatters: Vec<f64>,
+    /// Distances that are walked over the whole time, one standard deviation, to try; the first is none.
+    pub(super) distances: Vec<f64>,
+    /// A distance that is walked seldom; those far beyond are ever less likely.
+    pub(super) usual: f64,
+}
+
+/// Parameters with their covariance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct State<const N: usize> {
+    pub(super) mean: SVector<f64, N>,
+    pub(super) covariance: SMatrix<f64, N, N>,
+}
+
+/// The states after each visit, and how likely the setting and the equations were: a logarithm.
+#[derive(Clone, Debug)]
+pub(super) struct Filtered<const N: usize> {
+    pub(super) states: Vec<State<N>>,
+    pub(super) likelihood: f64,
+}
+
+/// A scatter of placements, and a variance walked a second.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setting {
+    pub(super) scatter: f64,
+    pub(super) speed: f64,
+    /// Logarithm of how likely it is before anything is known.
+    pub(super) prior: f64,
+}
+
+impl<const N: usize> Walk<N> {
+    /// What nothing is known of.
+    pub(super) fn unknown(&self) -> State<N> {
+        let covariance = SMatrix::from_diagonal(&self.prior.component_mul(&self.prior));
+        State { mean: self.start, covariance }
+    }
+
+    /// All settings to try over so many seconds.
+    pub(super) fn settings(&self, seconds: f64) -> Vec<Setting> {
+        let of = |&distance: &f64| {
+            let speed = if seconds > 0.0 { distance * distance / seconds } else { 0.0 };
+            let far = distance / self.usual;
+            let prior = -libm::log1p(far * far);
+            self.scatters.iter().map(move |&scatter| Setting { scatter, speed, prior })
+        };
+        let distances = self.distances.iter().filter(|distance| **distance == 0.0 || seconds > 0.0);
+        distances.flat_map(of).collect()
+    }
+
+    /// Covariance that so many seconds add.
+    pub(super) fn walked(&self, setting: Setting, seconds: f64) -> SMatrix<f64, N, N> {
+        SMatrix::from_diagonal(&self.pace.component_mul(&self.pace)) * (setting.speed * seconds.abs())
+    }
+
+    /// Filters the visits in this order, anew from each of `resets` on.
+    pub(super) fn filter<'v>(
+        &self,
+        visits: impl Iterator<Item = (&'v Visit<N>, bool)>,
+        setting: Setting,
+    ) -> Filtered<N> {
+        let mut state = self.unknown();
+        let (mut states, mut likelihood, mut before) = (Vec::new(), setting.prior, None);
+        for (visit, anew) in visits {
+            if anew {
+                state = self.unknown();
+            } else if let Some(before) = before {
+                state.covariance += self.walked(setting, visit.time - before);
+            }
+            before = Some(visit.time);
+            for equation in &visit.equations {
+                likelihood += state.learn(equation, setting.scatter);
+            }
+            states.push(state);
+        }
+        Filtered { states, likelihood }
+    }
+
+    /// The states given everything before and after, from those filtered forwards.
+    pub(super) fn smooth(&self, visits: &[Visit<N>], resets: &[usize], setting: Setting) -> Filtered<N> {
+        let forward = self.filter(visits.iter().enumerate().map(|(i, visit)| (visit, resets.contains(&i))), setting);
+        let mut states = forward.states.clone();
+        for k in (0..states.len().saturating_sub(1)).rev() {
+            if resets.contains(&(k + 1)) {
+                continue;
+            }
+            let (here, next) = (forward.states[k], states[k + 1]);
+            let predicted = here.covariance + self.walked(setting, visits[k + 1].time - visits[k].time);
+            let Some(inverse) = predicted.try_inverse() else { continue };
+            let gain = here.covariance * inverse;
+            let covariance = here.covariance + gain * (next.covariance - predicted) * gain.transpose();
+            states[k] = State {
+                mean: here.mean + gain * (next.mean - here.mean),
+                covariance: (covariance + covariance.transpose()) * 0.5,
+            };
+        }
+        Filtered { states, likelihood: forward.likelihood }
+    }
+
+    /// The states given everything, averaged over the settings by how likely they are; and by how much twice the logarithm of
+    /// the likelihood is larger for parameters that walk than for such that do not.
+    pub(super) fn average(&self, visits: &[Visit<N>], resets: &[usize]) -> (Vec<State<N>>, f64) {
+        let seconds = span(visits);
+        let smoothed =
+            self.settings(seconds).into_iter().map(|setting| (setting, self.smooth(visits, resets, setting)));
+        let smoothed: Vec<_> = smoothed.filter(|(_, smoothed)| smoothed.likelihood.is_finite()).collect();
+        let best = |walks: bool| {
+            let of = smoothed.iter().filter(|(setting, _)| (setting.speed > 0.0) == walks);
+            of.map(|(_, smoothed)| smoothed.likelihood).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let (still, walking) = (best(false), best(true));
+        let top = still.max(walking);
+        let weights: Vec<_> = smoothed.iter().map(|(_, smoothed)| libm::exp(smoothed.likelihood - top)).collect();
+        let total: f64 = weights.iter().sum();
+        let of_visit = |k: usize| {
+            let states = || {
+                smoothed
+                    .iter()
+                    .zip(&weights)
+                    .filter_map(|((_, all), weight)| Some((all.states.get(k)?, weight / total)))
+            };
+            let mean = states().map(|(state, share)| state.mean * share).sum::<SVector<f64, N>>();
+            let covariance = states().map(|(state, share)| {
+                let off = state.mean - mean;
+                (state.covariance + off * off.transpose()) * share
+            });
+            State { mean, covariance: covariance.sum() }
+        };
+        let states = if smoothed.is_empty() {
+            vec![self.unknown(); visits.len()]
+        } else {
+            (0..visits.len()).map(of_visit).collect()
+        };
+        (states, if walking.is_finite() { 2.0 * (walking - still) } else { 0.0 })
+    }
+}
+
+impl<const N: usize> State<N> {
+    /// Takes an equation in, and says the logarithm of how likely it was.
+    fn learn(&mut self, equation: &Equation<N>, scatter: f64) -> f64 {
+        let Equation { factors, value, noise, gain } = equation;
+        let along = self.covariance * factors;
+        let variance = factors.dot(&along) + noise + gain * scatter * scatter;
+        if !(variance > 0.0 && variance.is_finite()) {
+            return 0.0;
+        }
+        let off = value - factors.dot(&self.mean);
+        self.mean += along * (off / variance);
+        self.covariance -= along * along.transpose() / variance;
+        -0.5 * (libm::log(variance) + off * off / variance)
+    }
+}
+
+/// Seconds from the first visit to the last.
+pub(super) fn span<const N: usize>(visits: &[Visit<N>]) -> f64 {
+    visits.last().map_or(0.0, |last| last.time) - visits.first().map_or(0.0, |first| first.time)
+}

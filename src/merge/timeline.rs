@@ -1,0 +1,211 @@
+//! How the parameters of accelerometer and gyroscope went over time, recording by recording: the rests as equations about
+//! parameters that walk, and what these came to.
+
+use nalgebra::{SVector, Vector3};
+
+use super::change_points::{Jump, jumps};
+use super::random_walk::{Equation, State, Visit, Walk, span};
+use super::rest_set::PastRest;
+use crate::engine;
+use crate::fit::{Calibration, Parameterisation, Term};
+
+/// Bias and lower-triangular sensitivity, in the order of [`Parameterisation::TRIANGULAR`].
+pub(super) const UNKNOWNS: usize = 9;
+
+/// Rests of a recording that lie further apart than this count as two visits, s.
+const LONG: f64 = 3600.0;
+/// Twice the logarithm of a likelihood ratio that one sensor in a hundred exceeds that does not drift.
+const DRIFTS: f64 = 6.6;
+
+/// What happened to the parameters of one triad.
+#[derive(Clone, Debug)]
+pub(super) struct Course<const N: usize> {
+    /// By visit.
+    pub(super) states: Vec<State<N>>,
+    pub(super) jumps: Vec<Jump<N>>,
+    /// Whether it is plain that they walk between the jumps.
+    pub(super) drifts: bool,
+    /// Whether they may: not within an hour, nor where two visits alone speak of it.
+    pub(super) is_followed: bool,
+}
+
+/// The rests of each visit, by their places.
+pub(super) fn visits(rests: &[&PastRest]) -> Vec<Vec<usize>> {
+    let mut visits: Vec<Vec<usize>> = Vec::new();
+    for (i, past) in rests.iter().enumerate() {
+        let same = visits.last().and_then(|visit| rests.get(*visit.first()?)).is_some_and(|first| {
+            first.recording == past.recording && past.rest.start.seconds_since(first.rest.start) < LONG
+        });
+        match visits.last_mut().filter(|_| same) {
+            Some(visit) => visit.push(i),
+            None => visits.push(vec![i]),
+        }
+    }
+    visits
+}
+
+/// The course of the primary accelerometer by the length of what it read.
+pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: &engine::Config) -> Course<UNKNOWNS> {
+    /// Times that the equations are linearised anew.
+    const ROUNDS: usize = 4;
+    let gravity = engine::gravity(config).value;
+    let times = times(rests, visits);
+    let walk = of_accelerometer(config, gravity).within(times.last().copied().unwrap_or_default());
+    let linearised = |at: &[SVector<f64, UNKNOWNS>]| -> Vec<Visit<UNKNOWNS>> {
+        let visit = |((visit, time), at): ((&Vec<usize>, &f64), &SVector<f64, UNKNOWNS>)| {
+            let calibration = calibration(at);
+            let equations = placements(rests, visit).filter_map(|rest| {
+                let noise = rest.rest.accelerometer.mean_variance();
+                length(&calibration, at, &rest.rest.accelerometer.mean, noise, gravity)
+            });
+            Visit { time: *time, equations: equations.collect() }
+        };
+        visits.iter().zip(&times).zip(at).map(visit).collect()
+    };
+    let mut at = vec![walk.start; visits.len()];
+    let mut found = Vec::new();
+    let mut equations = linearised(&at);
+    for round in 0..ROUNDS {
+        let resets: Vec<_> = found.iter().map(|jump: &Jump<UNKNOWNS>| jump.at).collect();
+        let (states, _) = walk.average(&equations, &resets);
+        at = states.iter().map(|state| state.mean).collect();
+        equations = linearised(&at);
+        // The first rounds only come near.
+        if round + 2 >= ROUNDS {
+            found = jumps(&walk, &equations);
+        }
+    }
+    course(&walk, &equations, found)
+}
+
+/// The course of the gyroscope's bias.
+pub(super) fn gyroscope(rests: &[&PastRest], visits: &[Vec<usize>], config: &engine::Config) -> Course<3> {
+    let times = times(rests, visits);
+    let walk = of_gyroscope(config).within(times.last().copied().unwrap_or_default());
+    let visit = |(visit, time): (&Vec<usize>, f64)| {
+        let rates = placements(rests, visit).filter_map(|rest| rest.rest.gyroscope.as_ref());
+        let equations = rates.flat_map(|rate| {
+            let noise = rate.mean_variance();
+            (0..3).map(move |axis| {
+                let mut factors = Vector3::zeros();
+                factors[axis] = 1.0;
+                Equation { factors, value: rate.mean[axis], noise: noise[axis], gain: 1.0 }
+            })
+        });
+        Visit { time, equations: equations.collect() }
+    };
+    let equations: Vec<_> = visits.iter().zip(times).map(visit).collect();
+    course(&walk, &equations, jumps(&walk, &equations))
+}
+
+/// Bias and sensitivity of a state.
+pub(super) fn calibration(at: &SVector<f64, UNKNOWNS>) -> Calibration {
+    let parameters = nalgebra::DVector::from_column_slice(at.as_slice());
+    Parameterisation::TRIANGULAR.calibration(&parameters)
+}
+
+impl<const N: usize> Walk<N> {
+    /// The same over so many seconds: nothing walks within an hour.
+    fn within(mut self, seconds: f64) -> Self {
+        if seconds < LONG {
+            self.distances.truncate(1);
+        }
+        self
+    }
+}
+
+fn course<const N: usize>(walk: &Walk<N>, equations: &[Visit<N>], jumps: Vec<Jump<N>>) -> Course<N> {
+    let resets: Vec<_> = jumps.iter().map(|jump| jump.at).collect();
+    let (states, ratio) = walk.average(equations, &resets);
+    let is_followed = walks(equations);
+    Course { states, jumps, drifts: is_followed && ratio > DRIFTS, is_followed }
+}
+
+/// Whether the visits lie so far apart that the parameters may have walked, and there are equations to spare that tell
+/// of it.
+fn walks<const N: usize>(visits: &[Visit<N>]) -> bool {
+    let told: usize = visits.iter().map(|visit| visit.equations.len()).sum();
+    visits.len() > 2 && span(visits) >= LONG && told >= 2 * N
+}
+
+/// What is assumed of an accelerometer, in m/s² and without unit.
+fn of_accelerometer(config: &engine::Config, gravity: f64) -> Walk<UNKNOWNS> {
+    /// Bias, scale, and how far an axis leans.
+    const PRIOR: [f64; 3] = [2.0, 0.1, 0.015];
+    /// How far the scale walks beside the bias, counted in gravity.
+    const SCALE: f64 = 0.3;
+    let (mut prior, mut pace) = (SVector::zeros(), SVector::zeros());
+    for (i, term) in Parameterisation::TRIANGULAR.terms().iter().enumerate() {
+        (prior[i], pace[i]) = match term {
+            Term::Bias(_) => (PRIOR[0], 1.0),
+            Term::Own(row, column) if row == column => (PRIOR[1], SCALE / gravity),
+            _ => (PRIOR[2], 0.0),
+        };
+    }
+    let start = Parameterisation::TRIANGULAR.vector(&Calibration::default());
+    Walk {
+        start: SVector::from_iterator(start.iter().copied()),
+        prior,
+        pace,
+        scatters: [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0].map(|share| share * config.fit.placement_std).to_vec(),
+        distances: vec![0.0, 0.002, 0.006, 0.02, 0.06, 0.2, 0.6],
+        usual: 0.05,
+    }
+}
+
+/// What is assumed of a gyroscope's bias, rad/s.
+fn of_gyroscope(config: &engine::Config) -> Walk<3> {
+    Walk {
+        start: Vector3::zeros(),
+        prior: Vector3::repeat(0.1),
+        pace: Vector3::repeat(1.0),
+        scatters: [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0].map(|share| share * config.fit.rate_std).to_vec(),
+        distances: vec![0.0, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2],
+        usual: 2e-3,
+    }
+}
+
+/// ‖S⁻¹(m − b)‖ = g, linearised.
+fn length(
+    calibration: &Calibration,
+    at: &SVector<f64, UNKNOWNS>,
+    mean: &Vector3<f64>,
+    noise: Vector3<f64>,
+    gravity: f64,
+) -> Option<Equation<UNKNOWNS>> {
+    let corrected = calibration.correct(mean);
+    let up = corrected.try_normalize(f64::MIN_POSITIVE)?;
+    let by_measured = calibration.inverse().transpose() * up;
+    let mut factors: SVector<f64, UNKNOWNS> = SVector::zeros();
+    for (i, term) in Parameterisation::TRIANGULAR.terms().iter().enumerate() {
+        factors[i] = match *term {
+            Term::Bias(axis) => -by_measured[axis],
+            Term::Own(row, column) => -by_measured[row] * corrected[column],
+            _ => 0.0,
+        };
+    }
+    let value = gravity - corrected.norm() + factors.dot(at);
+    let noise = by_measured.component_mul(&by_measured).dot(&noise);
+    let sound = value.is_finite() && noise.is_finite() && factors.iter().all(|factor| factor.is_finite());
+    sound.then(|| Equation { factors, value, noise, gain: by_measured.norm_squared() })
+}
+
+/// The rests of a visit, of each placement the longest: the others read the same again.
+fn placements<'a>(rests: &'a [&PastRest], visit: &'a [usize]) -> impl Iterator<Item = &'a PastRest> {
+    let all = visit.iter().filter_map(|&i| rests.get(i).copied());
+    let mut longest: std::collections::BTreeMap<u32, &PastRest> = std::collections::BTreeMap::new();
+    for rest in all {
+        let known = longest.entry(rest.rest.placement).or_insert(rest);
+        if known.rest.accelerometer.effective < rest.rest.accelerometer.effective {
+            *known = rest;
+        }
+    }
+    longest.into_values()
+}
+
+/// Seconds from the first visit to each.
+fn times(rests: &[&PastRest], visits: &[Vec<usize>]) -> Vec<f64> {
+    let start = |visit: &Vec<usize>| rests.get(*visit.first()?).map(|rest| rest.rest.start);
+    let first = visits.first().and_then(start).unwrap_or_default();
+    visits.iter().map(|visit| start(visit).map_or(0.0, |start| start.seconds_since(first))).collect()
+}

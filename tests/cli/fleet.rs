@@ -1,0 +1,110 @@
+//! Lists of recordings: parts of them, manifests, exit codes that schedulers act on, and one calibration out of many.
+
+use serde_json::Value;
+use stillpoint::simulate::{Scenario, record};
+
+use crate::common::Folder;
+
+/// A folder with three recordings of one sensor, of two faces each, a day apart.
+fn faces() -> Folder {
+    let folder = Folder::new();
+    for (day, faces) in [["+X", "-Y"], ["-X", "+Z"], ["+Y", "-Z"]].into_iter().enumerate() {
+        let mut scenario = Scenario::builtin("demo").unwrap();
+        scenario.pose.retain(|pose| pose.face.as_deref().is_some_and(|face| faces.contains(&face)));
+        scenario.recording.seed = day as u64 + 1;
+        scenario.recording.start_s += 86_400 * day as u32;
+        let mut bytes = Vec::new();
+        record(&scenario, &mut bytes).unwrap();
+        folder.write(&format!("{day}.mcap"), &bytes);
+    }
+    folder
+}
+
+fn lines(folder: &Folder, name: &str) -> Vec<Value> {
+    let text = String::from_utf8(folder.read(name)).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn recordings_none_of_which_suffices_are_a_calibration_together() {
+    let folder = faces();
+    folder.say("annotate 0.mcap 1.mcap").ok();
+    folder.say("annotate 2.mcap --sidecar").ok();
+    let alone = folder.say("export 0.annotated.mcap --format json").ok().json();
+    assert_eq!(alone["imus"][0]["accelerometer"]["status"], "UNDETERMINED");
+    let merged = folder.say("merge 0.annotated.mcap 1.annotated.mcap 2.stillpoint.mcap --format json").ok();
+    // Raw, in another order, and one of them twice.
+    let raw = folder.say("merge 2.mcap 0.mcap 1.mcap 0.annotated.mcap --format json").ok();
+    assert_eq!(merged.stdout, raw.stdout);
+    let imu = &merged.json()["imus"][0];
+    assert_eq!((&imu["topic"], &imu["history"]["recordings"]), (&"/imu/data_raw".into(), &3.into()));
+    assert_eq!(imu["accelerometer"]["status"], "PROVISIONAL");
+    for (axis, truth) in [0.255, -0.142, 0.310].into_iter().enumerate() {
+        let (bias, std) = (&imu["accelerometer"]["bias"][axis], &imu["accelerometer"]["bias_std"][axis]);
+        let (bias, std) = (bias.as_f64().unwrap(), std.as_f64().unwrap());
+        assert!((bias - truth).abs() < 4.0 * std && std < 0.05, "{axis}: {bias} ± {std}");
+    }
+    let people = folder.say("merge 0.mcap 1.mcap 2.mcap").ok().stdout;
+    assert!(people.contains(" rests of 3 recordings") && people.contains("over time"), "{people}");
+    folder.say("merge 0.mcap 1.mcap 2.mcap --format kalibr -o imu.yaml").ok();
+    assert!(String::from_utf8(folder.read("imu.yaml")).unwrap().contains("accelerometers"));
+    // What tells sensors apart.
+    let two = folder.say("merge 0.mcap 1.mcap --by topic,frame-id --json").ok().json();
+    assert_eq!(two["imus"].as_array().unwrap().len(), 1);
+    folder.refuses("merge 0.mcap --by colour", 2, &["colour", "topic, name, frame-id, folder"]);
+    assert_eq!(folder.say("merge 0.mcap --require-calibration --json").code, 4);
+}
+
+#[test]
+fn one_bad_recording_never_stops_the_others_and_the_manifest_says_what_became_of_each() {
+    let folder = faces();
+    folder.write("bad.mcap", b"no recording at all");
+    folder.write("list", b"0.mcap\r\nbad.mcap\n\n1.mcap\nmissing.mcap\n2.mcap\n");
+    let run = folder.say("annotate --inputs-from list --manifest outcome.jsonl");
+    assert_eq!(run.code, 6, "{}", run.stderr);
+    let outcomes = |lines: &[Value]| -> Vec<String> {
+        lines.iter().map(|line| line["outcome"].as_str().unwrap().to_owned()).collect()
+    };
+    let first = lines(&folder, "outcome.jsonl");
+    assert_eq!(outcomes(&first), ["written", "hopeless", "written", "hopeless", "written"]);
+    assert!(first[1]["error"].as_str().unwrap().contains("bad.mcap") && first[1]["code"] == 6);
+    assert!(first[0]["rests"]["accepted"].as_u64().unwrap() >= 2);
+    let before = folder.read("0.annotated.mcap");
+    folder.say("annotate --inputs-from list --manifest outcome.jsonl");
+    assert_eq!(outcomes(&lines(&folder, "outcome.jsonl")), ["skipped", "hopeless", "skipped", "hopeless", "skipped"]);
+    assert!(before == folder.read("0.annotated.mcap"));
+    // Nothing but a manifest is replaced by one.
+    folder.refuses("annotate 0.mcap --manifest list", 1, &["list: exists"]);
+    folder.refuses("annotate 0.mcap --manifest 0.mcap", 1, &["0.mcap"]);
+    assert_eq!(folder.say("annotate bad.mcap").code, 1, "what is named by hand keeps its code");
+}
+
+#[test]
+fn parts_of_a_list_are_worked_on_once_each_and_the_same_part_twice_at_once_does_no_harm() {
+    let folder = faces();
+    folder.write("list", b"0.mcap\n1.mcap\n2.mcap\n");
+    folder.say("annotate --inputs-from list --out-dir whole").ok();
+    folder.say("annotate --inputs-from list --shard 0/2 --out-dir parts").ok();
+    let names = |name: &str| -> Vec<_> {
+        let entries = std::fs::read_dir(folder.path().join(name)).unwrap();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("parts"), ["0.annotated.mcap", "2.annotated.mcap"]);
+    // As a task of a job, which starts the same part a second time.
+    let task = || {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_stillpoint"));
+        command.args("annotate --inputs-from list --shard auto/2 --out-dir parts".split(' '));
+        command.env("JOB_COMPLETION_INDEX", "1").current_dir(folder.path());
+        command.stderr(std::process::Stdio::piped()).spawn().unwrap()
+    };
+    for twin in [task(), task(), task()] {
+        let output = twin.wait_with_output().unwrap();
+        let code = output.status.code().unwrap();
+        // Who came second finds it done, or is to come again.
+        assert!(code == 0 || code == 5, "{code}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    crate::common::same_folders(&folder.path().join("whole"), &folder.path().join("parts"));
+    folder.refuses("annotate 0.mcap --shard 2/2", 2, &["part 2 of 2", "the last one is 1"]);
+}
