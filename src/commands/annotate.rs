@@ -79,6 +79,9 @@ struct Work<'a> {
 /// The recordings among the inputs: what an earlier run made of one of them is none, as when all files of a folder are
 /// named a second time.
 fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
+    if args.inputs.len() < 2 {
+        return args.inputs.clone();
+    }
     let folder = args.out_dir.as_deref();
     let results: BTreeSet<_> = args
         .inputs

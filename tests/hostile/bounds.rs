@@ -139,10 +139,10 @@ fn bombs_of_text() {
             &[schema(1, "T", "jsonschema", named), channel(1, 1, "/t", "json"), message(1, 1, data)].concat(),
         )])
     };
-    let numbers = b"1,".repeat(20 << 20);
+    let numbers = b"1,".repeat(10 << 20);
     folder.write("array.mcap", &json(&[b"{\"a\":[", &numbers[..], b"1]}"].concat()));
-    folder.write("nested.mcap", &json(&[b"{\"a\":", &b"[".repeat(20 << 20)[..]].concat()));
-    folder.write("objects.mcap", &json(&b"{\"a\":".repeat(5 << 20)));
+    folder.write("nested.mcap", &json(&[b"{\"a\":", &b"[".repeat(10 << 20)[..]].concat()));
+    folder.write("objects.mcap", &json(&b"{\"a\":".repeat(2 << 20)));
     let untold = |data: &[u8]| recording(&[chunk(&[channel(1, 0, "/t", "json"), message(1, 1, data)].concat())]);
     folder.write("untold.mcap", &untold(&[b"{\"a\":[", &numbers[..], b"1]}"].concat()));
     let fields: Vec<u8> = (0..200_000).flat_map(|n| format!("float64 f{n}\n").into_bytes()).collect();

@@ -8,12 +8,17 @@ use crate::common::{Folder, Run};
 use crate::recorder::{Session, Style};
 
 /// The keys of each event beside `event`, and those of the object that is called like it.
-const EVENTS: [(&str, &str, &str); 13] = [
+const EVENTS: [(&str, &str, &str); 14] = [
     ("awaited", "", ""),
     ("opened", "offset", ""),
     ("split", "file", ""),
     ("stillness", "imu log_time stillness", "state statistic enter leave"),
     ("segment", "imu log_time segment", "start end accepted face tilt_deg reason explanation placement temperature"),
+    (
+        "turn",
+        "imu log_time turn",
+        "start end angle residual used reason explanation path vertical declared declared_residual",
+    ),
     ("coverage", "imu log_time coverage", "faces complete next_step"),
     (
         "calibration",

@@ -121,7 +121,7 @@ fn a_folder_that_vanishes_leaves_its_annotations() {
     let run = tail.finish();
     assert!(run.stderr.contains("was deleted"), "{}", run.stderr);
     assert_eq!(folder.names(), ["bag.stillpoint.mcap"]);
-    assert!(mcap::MessageStream::new(&folder.read("bag.stillpoint.mcap")).unwrap().count() > 100);
+    assert!(mcap::MessageStream::new(&folder.read("bag.stillpoint.mcap")).unwrap().count() > 20);
 }
 
 #[test]

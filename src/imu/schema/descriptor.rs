@@ -11,6 +11,9 @@ use super::layout::{Coding, Count, Field, Kind, Message, Number, SchemaError, Ta
 /// The messages that the set describes, as far as the root needs them, the root first.
 pub(super) fn parse(schema_name: &str, data: &[u8]) -> Result<Vec<Message>, SchemaError> {
     let error = |why: String| SchemaError::Contradiction { name: schema_name.to_owned(), why };
+    if parts(data, DESCRIBED_DEPTH, MOST_PARTS).is_none() {
+        return Err(error(format!("describes more than {MOST_PARTS} files, messages, fields and names")));
+    }
     let set = FileDescriptorSet::decode(data).map_err(|e| error(format!("is not a descriptor set: {e}")))?;
     let mut definitions = DescriptorIndex::default();
     for file in &set.file {
@@ -19,6 +22,35 @@ pub(super) fn parse(schema_name: &str, data: &[u8]) -> Result<Vec<Message>, Sche
     let mut resolver = DescriptorResolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
     resolver.message(schema_name.trim_start_matches('.'), 0).map_err(error)?;
     Ok(resolver.messages)
+}
+
+/// A set of everything that a large company sends has fewer. Each takes some hundred bytes once it is decoded, and two as
+/// long as it is not.
+const MOST_PARTS: usize = 200_000;
+/// Set, file, message, field, options.
+const DESCRIBED_DEPTH: usize = 4;
+
+/// What is left of `most` once the parts of a wire message, and their parts, are taken from it; `None` if there are more.
+/// A text may look like parts, too, of which it has no more than bytes.
+fn parts(mut data: &[u8], depth: usize, most: usize) -> Option<usize> {
+    let mut left = most;
+    while !data.is_empty() {
+        let Ok((tag, wire)) = prost::encoding::decode_key(&mut data) else { return Some(left) };
+        left = left.checked_sub(1)?;
+        if wire == prost::encoding::WireType::LengthDelimited {
+            let Ok(length) = prost::encoding::decode_varint(&mut data) else { return Some(left) };
+            let Some(part) = usize::try_from(length).ok().and_then(|length| data.get(..length)) else {
+                return Some(left);
+            };
+            data = &data[part.len()..];
+            if depth > 0 {
+                left = parts(part, depth - 1, left)?;
+            }
+        } else if prost::encoding::skip_field(wire, tag, &mut data, Default::default()).is_err() {
+            return Some(left);
+        }
+    }
+    Some(left)
 }
 
 /// By full name, without the leading dot.

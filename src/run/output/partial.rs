@@ -347,6 +347,9 @@ mod tests {
     #[test]
     fn a_missing_folder_is_named() {
         let error = Partial::create_new(Path::new("/no/such/folder/out.mcap")).unwrap_err().to_string();
-        assert_eq!(error, "/no/such/folder/out.mcap: cannot write: no such file or folder");
+        assert_eq!(
+            error,
+            "/no/such/folder/out.mcap: cannot write: no such folder as /no/such/folder; make it (mkdir -p /no/such/folder) or choose another"
+        );
     }
 }
