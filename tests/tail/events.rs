@@ -66,7 +66,8 @@ fn each_event_is_one_line_with_its_keys() {
     let folder = Folder::with_demo();
     let whole = events(&folder.say("tail demo.mcap --json -q").ok());
     check(&whole);
-    let expected = ["opened", "stillness", "segment", "coverage", "calibration", "noise", "log", "ended", "result"];
+    let expected =
+        ["opened", "stillness", "segment", "turn", "coverage", "calibration", "noise", "log", "ended", "result"];
     assert_eq!(names(&whole), BTreeSet::from(expected));
     let of = |name: &str| whole.iter().filter(|event| event["event"] == name).collect::<Vec<_>>();
     assert_eq!(of("opened")[0]["offset"], 0);
