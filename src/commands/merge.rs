@@ -97,7 +97,6 @@ fn change(change: &Change) -> String {
     let what = match change.kind {
         merge::ChangeKind::Shock => "a shock",
         merge::ChangeKind::Replaced => "another sensor or range",
-        merge::ChangeKind::Remounted => "another mounting",
     };
     let numbers = |[by, std]: &[[f64; 3]; 2]| {
         let each = by.iter().zip(std).map(|(by, std)| report::estimate(*by, 1.96 * std));

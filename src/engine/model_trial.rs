@@ -182,7 +182,7 @@ fn fit_accelerometer(
 }
 
 /// What is assumed beside the placements.
-fn assumptions<'a>(judge: &Judge<'a>, trial: &Trial<'_>, start: Calibration) -> Assumptions<'a> {
+pub(super) fn assumptions<'a>(judge: &Judge<'a>, trial: &Trial<'_>, start: Calibration) -> Assumptions<'a> {
     let config = judge.fit;
     Assumptions {
         shape: trial.shape,

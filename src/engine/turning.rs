@@ -4,14 +4,14 @@
 use nalgebra::{DVector, Vector3};
 
 use super::givens::Givens;
-use super::model_trial::ModelTrial;
+use super::model_trial::{ModelTrial, Trial, assumptions};
 use super::observations;
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::Solution;
 use super::turn_outcome::Turning;
 use crate::Stamp;
-use crate::fit::accelerometer::{Assumptions, fit_with};
+use crate::fit::accelerometer::fit_with;
 use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnSeen, TurnSession};
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
@@ -88,20 +88,9 @@ fn triangular(
     judge: &Judge<'_>,
     givens: &Givens<'_>,
 ) -> Option<Estimate> {
-    let config = judge.fit;
-    let parameters = DVector::from_iterator(9, found.accelerometer.iter().copied());
-    let start = Parameterisation::TRIANGULAR.calibration(&parameters);
-    let given = Assumptions {
-        shape: Parameterisation::TRIANGULAR,
-        estimator: config.estimator,
-        gravity: givens.gravity,
-        placement_std: config.placement_std,
-        cross_axis_std: config.cross_axis_std,
-        nonlinearity: config.nonlinearity,
-        loss: config.loss,
-        bounds: &config.bounds,
-        start,
-    };
+    let shape = Parameterisation::TRIANGULAR;
+    let start = shape.calibration(&DVector::from_iterator(9, found.accelerometer.iter().copied()));
+    let given = assumptions(judge, &Trial { shape, givens }, start);
     let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
     let checked = fit_with(&observations, &given, Some(&found.told)).ok()?;
     let mut richer = match fit.shape {

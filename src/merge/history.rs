@@ -44,8 +44,6 @@ pub enum ChangeKind {
     Shock,
     /// A sensitivity jumped too: another sensor, or another range.
     Replaced,
-    /// It rests in another attitude than before.
-    Remounted,
 }
 
 impl ChangeKind {
@@ -54,7 +52,6 @@ impl ChangeKind {
         match self {
             Self::Shock => "shock",
             Self::Replaced => "replaced",
-            Self::Remounted => "remounted",
         }
     }
 }

@@ -1,12 +1,9 @@
 //! Inputs after public bug reports (`cases/README.md` beside them), each held to its right value. Their siblings are built in
 //! `real_recordings`.
 
-use serde_json::Value;
-
 use crate::common::{Folder, Run, case};
+use crate::real_recordings::is_true;
 
-const BIAS: [f64; 3] = [0.12, -0.08, 0.20];
-const SCALE: [f64; 3] = [1.012, 0.991, 1.006];
 const GYRO_BIAS: [f64; 3] = [0.004, -0.006, 0.002];
 
 /// A folder with a case in it, as `a.mcap`.
@@ -22,21 +19,6 @@ fn annotate(folder: &Folder, code: i32, more: &str) -> Run {
     folder.say("strip b.mcap -o c.mcap").ok();
     assert!(folder.read("c.mcap") == folder.read("a.mcap"), "strip is not exact");
     run
-}
-
-fn near(found: &Value, expected: [f64; 3], within: f64) {
-    let found: Vec<f64> = found.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
-    let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < within);
-    assert!(near, "{found:?} is not {expected:?}");
-}
-
-fn is_true(result: &Value, gyro_bias: [f64; 3]) {
-    let imu = &result["imus"][0];
-    let accel = &imu["accelerometer"];
-    near(&accel["bias"], BIAS, 0.03);
-    let scale: Vec<_> = (0..3).map(|i| accel["sensitivity"][i][i].clone()).collect();
-    near(&Value::from(scale), SCALE, 0.004);
-    near(&imu["gyroscope"]["bias"], gyro_bias, 0.001);
 }
 
 #[test]

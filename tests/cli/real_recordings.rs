@@ -84,7 +84,7 @@ fn near(found: &Value, expected: [f64; 3], within: f64) {
 }
 
 /// The calibration in a JSON result is the true one.
-fn is_true(result: &Value, gyro_bias: [f64; 3]) {
+pub fn is_true(result: &Value, gyro_bias: [f64; 3]) {
     let imu = &result["imus"][0];
     let accel = &imu["accelerometer"];
     assert!(accel["bias"].is_array(), "no calibration: {result:#}");

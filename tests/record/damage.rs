@@ -229,6 +229,19 @@ fn a_record_of_a_few_bytes_that_became_an_end_of_the_data_ends_nothing() {
 }
 
 #[test]
+fn a_definition_that_became_an_end_of_the_data_ends_nothing_although_definitions_follow() {
+    use crate::records::{channel, message, record, recording};
+    for following in [1, 2, 20] {
+        let mut data = vec![record(0x0F, &channel(7, 0)[9..])];
+        data.extend((1..=following).map(|id| channel(id, 0)));
+        data.extend([message(1, 5), message(1, 6)]);
+        let (found, damage) = told(&recording(&data, &[]));
+        assert_eq!(found.iter().map(|message| message.2).collect::<Vec<_>>(), [5, 6], "{following} channels");
+        assert!(damage > 0);
+    }
+}
+
+#[test]
 fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
     let mut rng = randomness();
     for sound in sound_recordings() {

@@ -216,11 +216,21 @@ impl Scan {
 
     /// Whether a DataEnd is one: it may be a message or a private record whose opcode is wrong, and then data follows.
     pub(super) fn is_end_of_data(&self, frame: Frame) -> Result<bool, Stop> {
-        let behind = self.look(frame.end())?;
+        /// Definitions that may begin a summary, or go on with the data, are looked behind up to here.
+        const DEFINITIONS: usize = 256;
+        let is_usual = frame.length == DATA_END - FRAME as u64;
+        let mut place = frame.end();
+        let mut behind = self.look(place)?;
+        for _ in 0..if is_usual { 0 } else { DEFINITIONS } {
+            let definition = |&(opcode, length): &(u8, u64)| is_definition(opcode) && fits(opcode, length);
+            let Some((_, length)) = behind.and_then(head).filter(definition) else { break };
+            place = end(place, length);
+            behind = self.look(place)?;
+        }
         if behind.and_then(|bytes| bytes.first().copied()).is_none_or(may_follow_data) {
             return Ok(true);
         }
-        if frame.length != DATA_END - FRAME as u64 {
+        if !is_usual {
             return Ok(false);
         }
         // Of the usual length, it is one unless data follows beyond doubt.
@@ -229,6 +239,11 @@ impl Scan {
         let next = self.look(end(frame.end(), length))?;
         Ok(next.and_then(data).is_none())
     }
+}
+
+/// Whether a record of this opcode stands in the data and in the summary alike.
+fn is_definition(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL)
 }
 
 /// Whether a record of this opcode may begin the summary section.
