@@ -1,8 +1,9 @@
-//! What rests say about a sensor. Finding the rests is left to [`still`](crate::still), choosing among them and saying
-//! what came out to [`engine`](crate::engine).
+//! Calibration of a sensor from its rests. [`still`](crate::still) finds the rests; [`engine`](crate::engine) chooses
+//! among them and publishes the results.
 //!
-//! The measurement model everywhere is `measured = b + S · true` at rest (Guang-Lin et al., 2012, at constant
-//! temperature); [`Parameterisation`] says what of it is unknown, and every fit is a [`LinearSystem`] of equations about that.
+//! The measurement model at rest is everywhere `measured = b + S · true` (Guang-Lin et al., 2012, at constant
+//! temperature). [`Parameterisation`] says which of its parameters are unknown, and every fit is a [`LinearSystem`] of
+//! equations about them.
 
 pub mod accelerometer;
 pub mod gyroscope;

@@ -1,10 +1,9 @@
-//! The primary accelerometer's calibration from the placements on the faces of a fixture. Which rests these are is left
-//! to the caller.
+//! Calibration of the primary accelerometer from placements on the faces of a fixture.
 //!
-//! Two stages, each a bounded linear least squares. The regression on the fixture uses, of each placement, the
-//! component along its own face alone: the others are first order in tilt. The refinement then is Gauss–Newton on
-//! ‖S⁻¹(m − b)‖ = g, which no tilt can touch (Frosio, Pedersini & Borghese, "Autocalibration of MEMS accelerometers",
-//! IEEE TIM 2009).
+//! Two stages, each a bounded linear least squares. The regression on the fixture uses only the component of each
+//! placement along its own face, because the others are first order in tilt. The refinement is Gauss–Newton on ‖S⁻¹(m −
+//! b)‖ = g, which does not depend on tilt (Frosio, Pedersini & Borghese, "Autocalibration of MEMS accelerometers", IEEE
+//! TIM 2009).
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
@@ -21,7 +20,7 @@ use super::reliability::{GROSS_ERROR, Reliability};
 use super::turn_fit::Told;
 use super::uncertainty::{Sharing, Uncertainty};
 
-/// What one placement read.
+/// Readings of one placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Number of the placement.
@@ -30,47 +29,45 @@ pub struct Observation {
     pub mean: Vector3<f64>,
     /// Variance of that mean by noise alone, per axis, (m/s²)².
     pub noise: Vector3<f64>,
-    /// Direction of true specific force meant by the face, unit vector.
+    /// Nominal direction of true specific force on the face, unit vector.
     pub normal: Vector3<f64>,
 }
 
-/// What is assumed beside the observations.
+/// Assumptions of a fit beside its observations.
 #[derive(Clone, Copy, Debug)]
 pub struct Assumptions<'a> {
-    /// Which parameters are unknown.
+    /// Unknown parameters.
     pub shape: Parameterisation,
-    /// Where to stop.
+    /// Stage after which the fit stops.
     pub estimator: Estimator,
-    /// The length of gravity.
+    /// Magnitude of gravity.
     pub gravity: Gravity,
-    /// Scatter of specific force from placement to placement, while repeats do not show it, m/s².
+    /// Scatter of specific force between placements, assumed until repeats show it, standard deviation, m/s².
     pub placement_std: f64,
-    /// How large the entries of S off the diagonal are that a model has no word for, one standard deviation.
+    /// Standard deviation of the off-diagonal entries of S that the model does not estimate.
     pub cross_axis_std: f64,
-    /// What the square of a reading adds to it at 1 g, one standard deviation, m/s².
+    /// Quadratic nonlinearity: what the square of a reading adds to it at 1 g, standard deviation, m/s².
     pub nonlinearity: f64,
-    /// How equations that are left over count.
+    /// Loss function of the residuals.
     pub loss: Loss,
     /// Limits of the parameters.
     pub bounds: &'a Bounds,
-    /// A guess, for models that the faces do not determine.
+    /// Initial guess, for models that the faces do not determine.
     pub start: Calibration,
 }
 
-/// Residuals of ‖a‖ − g below this are no reason to refuse, m/s².
+/// Residuals of ‖a‖ − g below this never make a fit disagree, m/s².
 const ALLOWANCE: f64 = 0.03;
 
 /// Fits the observations.
 ///
-/// # Errors
-/// If they do not determine the parameters, or the solver fails.
+/// If the observations do not determine the parameters, or the solver fails.
 pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Estimate, Error> {
     fit_with(observations, given, None)
 }
 
-/// Fits the observations beside what turns tell of a lower-triangular S and the biases.
+/// Fits the observations together with what turns say of the biases and a lower-triangular S.
 ///
-/// # Errors
 /// If they do not determine the parameters, or the solver fails.
 pub fn fit_with(observations: &[Observation], given: &Assumptions<'_>, told: Option<&Told>) -> Result<Estimate, Error> {
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
@@ -84,13 +81,13 @@ pub fn fit_with(observations: &[Observation], given: &Assumptions<'_>, told: Opt
             on_magnitude(observations, given, told, between, start.calibration)
         }
     };
-    // The scatter and the tilts that the first fit shows set the weights of the second.
+    // The scatter and the tilts of the first fit set the weights of the second.
     let first = solve(given.placement_std * given.placement_std, None)?;
     let bars = Uncertainty::learn(given.shape, &first.solved, Sharing::All, given.assumed());
     let second = solve(bars.between(0), Some(&first.calibration))?;
     let mut estimate = summarise(observations, given, &bars, second);
     if !estimate.active.is_empty() {
-        // The data, and not the bound, say where the parameters would lie.
+        // A fit without bounds shows where the data alone put the parameters.
         let free = Bounds::none();
         let free = Assumptions { bounds: &free, start: estimate.calibration(), ..*given };
         let stage = match given.estimator {
@@ -108,8 +105,8 @@ struct Stage {
     solved: Solved,
 }
 
-/// Regression on the fixture: each placement tells of the direction of its face. A tilt takes 1 − cos θ from it, which is
-/// in the weights once the tilts are known.
+/// Regression on the fixture: one equation a placement, along the normal of its face. A tilt θ takes g (1 − cos θ) from
+/// it, which enters the weights once the tilts are known.
 fn on_fixture(
     observations: &[Observation],
     given: &Assumptions<'_>,
@@ -128,7 +125,8 @@ fn on_fixture(
     Ok(Stage { calibration: given.shape.calibration(&solved.solution.x), solved })
 }
 
-/// Refinement on ‖S⁻¹(m − b)‖ = g. Where bounds leave over what no cross-axis sensitivity explains, none is sought.
+/// Refinement on ‖S⁻¹(m − b)‖ = g. Bounds may leave residuals that no cross-axis sensitivity explains; then leaks are
+/// not estimated.
 fn on_magnitude(
     observations: &[Observation],
     given: &Assumptions<'_>,
@@ -142,7 +140,7 @@ fn on_magnitude(
     }
 }
 
-/// Gauss–Newton, every step a bounded least squares.
+/// Gauss–Newton iteration, every step a bounded least squares.
 fn gauss_newton(
     observations: &[Observation],
     given: &Assumptions<'_>,
@@ -152,7 +150,8 @@ fn gauss_newton(
     start: Calibration,
 ) -> Result<Stage, Error> {
     const STEPS: usize = 20;
-    // In units of the residuals' standard deviations. The next step would be a thousandth of it.
+    // Largest change of a residual at convergence, in its standard deviations. The next step would be a thousandth of
+    // it.
     const ENOUGH: f64 = 1e-6;
     let (low, high) = limits(given.shape, |term| given.bounds.accelerometer(term));
     let mut calibration = start;
@@ -176,13 +175,14 @@ fn gauss_newton(
     Err(Error::NotConverged)
 }
 
-/// Equations with independent errors, in units of a typical variance: one along each axis of what is told.
+/// Adds what turns say as equations with independent errors, in units of a typical variance: one along each principal
+/// axis.
 fn push_told(system: &mut LinearSystem, told: &Told, at: &Calibration, variance: f64) {
-    /// Of the information along the axis that is told best: below it nothing is.
+    /// Least information along an axis that counts, relative to the best-known axis.
     const NOTHING: f64 = 1e-9;
     let shape = Parameterisation::TRIANGULAR;
     let here = shape.vector(at);
-    // Entries of S in units of what they change a reading by.
+    // A unit of an entry of S changes a reading by about ten times as much as a unit of bias.
     let unit = SVector::<f64, 9>::from_fn(|i, _| if i < 3 { 1.0 } else { 0.1 });
     let scaled = SMatrix::<f64, 9, 9>::from_fn(|i, j| told.information[(i, j)] * unit[i] * unit[j]);
     let off = SVector::<f64, 9>::from_fn(|i, _| {
@@ -203,15 +203,15 @@ fn push_told(system: &mut LinearSystem, told: &Told, at: &Calibration, variance:
     }
 }
 
-/// One placement's equation ‖S⁻¹(m − b)‖ = g, linearised.
+/// Linearised equation ‖S⁻¹(m − b)‖ = g of one placement.
 pub(super) struct MagnitudeEquation {
     /// ‖corrected‖ − g, m/s².
     pub(super) residual: f64,
     /// ∂‖S⁻¹(m − b)‖/∂m.
     pub(super) by_measured: Vector3<f64>,
-    /// The corrected reading.
+    /// Corrected reading.
     pub(super) truth: Truth,
-    /// Of the residual by noise, (m/s²)².
+    /// Variance of the residual from noise, (m/s²)².
     pub(super) noise: f64,
 }
 
@@ -246,7 +246,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
         between: bars.between_placements(),
     };
     let mut reliability = Reliability::of(&stage.solved, &gain, GROSS_ERROR);
-    // What the turns tell stands behind the placements.
+    // The equations of the turns come after those of the placements.
     reliability.checks.truncate(observations.len());
     Estimate {
         shape: given.shape,
@@ -266,16 +266,16 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
     }
 }
 
-/// What the uncertainty of g does: it scales S and leaves b alone.
+/// Covariance from the uncertainty of g, which scales S and leaves b alone.
 fn by_gravity(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64> {
     let mut by_gravity = given.shape.vector(calibration) / given.gravity.value;
     by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
     &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2)
 }
 
-/// What leaves the length of a reading and no tilt shows. Of a diagonal S the columns are told, and not the diagonal: entries of
-/// ± `leak` off it make them longer by half their squares. Of a triangular one the rows are, whose entries above the diagonal say
-/// how the frame is turned.
+/// Covariance from what the length of a reading leaves open and no tilt shows. Lengths determine the columns of a
+/// diagonal S, not its diagonal: off-diagonal entries of ±`leak` lengthen a column by half their squares. Of a
+/// triangular S they determine the rows; the entries above the diagonal only rotate the frame.
 fn by_lengths(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> DMatrix<f64> {
     let unknowns = given.shape.unknowns();
     let mut by_lengths = DMatrix::zeros(unknowns, unknowns);
@@ -287,7 +287,7 @@ fn by_lengths(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> 
             && axis == column
         {
             let squares = if given.shape == Parameterisation::TRIANGULAR { 2 - axis } else { 2 };
-            // Half the sum of so many squares of normal numbers has a mean of a half of each, and a variance of as much.
+            // Half the sum of n squares of standard normal numbers has a mean of n/2 and a variance of n/2.
             let (mean, variance) = (squares as f64 / 2.0, squares as f64 / 2.0);
             by_lengths[(i, i)] =
                 (mean * mean + variance) * leak.powi(4) * calibration.sensitivity[(axis, axis)].powi(2);
@@ -296,7 +296,7 @@ fn by_lengths(given: &Assumptions<'_>, calibration: &Calibration, leak: f64) -> 
     by_lengths
 }
 
-/// What the square of the reading adds: opposite faces read it alike, as a bias.
+/// Covariance from the quadratic nonlinearity: it adds the same on opposite faces, like a bias.
 fn by_squares(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64> {
     let unknowns = given.shape.unknowns();
     let mut by_squares = DMatrix::zeros(unknowns, unknowns);
@@ -309,13 +309,13 @@ fn by_squares(given: &Assumptions<'_>, calibration: &Calibration) -> DMatrix<f64
 }
 
 impl Assumptions<'_> {
-    /// What is assumed of the errors. The entries of S above the diagonal turn the frame, which the length of a reading
-    /// does not feel: a triangular S is that of the sensor's own axes, and nothing is left out of it.
+    /// Assumed errors. The entries of S above the diagonal only rotate the frame, which does not change the length of a
+    /// reading: a triangular S is given in the sensor's own axes, and leaves nothing out.
     fn assumed(&self) -> Assumed {
         Assumed { placement: self.placement_std, leak: self.leak() }
     }
 
-    /// How large the leaks of this model are, one standard deviation.
+    /// Standard deviation of the leaks of this model.
     pub(super) fn leak(&self) -> f64 {
         let own_axes = self.shape == Parameterisation::TRIANGULAR && self.estimator == Estimator::Magnitude;
         if own_axes { 0.0 } else { self.cross_axis_std }

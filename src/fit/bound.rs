@@ -6,18 +6,18 @@ use serde::{Deserialize, Serialize};
 
 use super::parameterisation::{Parameterisation, Term};
 
-/// Lower and upper limit of a parameter, the same for every axis that reads it or one for each.
+/// Lower and upper limit of a parameter: common to all axes that have it, or one for each.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected [lower, upper], or one such pair for each of three axes")]
 pub enum Bound {
-    /// The same for every axis.
+    /// Common limits of all axes.
     Common([f64; 2]),
-    /// Of x, y and z.
+    /// Limits of x, y and z.
     PerAxis([[f64; 2]; 3]),
 }
 
 impl Bound {
-    /// Of an axis.
+    /// Limits of one axis.
     pub fn of(&self, axis: usize) -> [f64; 2] {
         match self {
             Self::Common(limits) => *limits,
@@ -25,7 +25,7 @@ impl Bound {
         }
     }
 
-    /// Whether a value of an axis lies within.
+    /// Whether a value of an axis lies within its limits.
     pub fn contains(&self, axis: usize, value: f64) -> bool {
         let [low, high] = self.of(axis);
         (low..=high).contains(&value)
@@ -57,7 +57,7 @@ pub struct Bounds {
     pub accel_scale: Bound,
     /// Entries off the diagonal of the accelerometer's sensitivity.
     pub accel_cross_axis: Bound,
-    /// Accelerometer's sensitivity to angular rate, m/s² per rad/s.
+    /// Sensitivity of the accelerometer to angular rate, m/s² per rad/s.
     pub accel_rate_sensitivity: Bound,
     /// Gyroscope bias, rad/s.
     pub gyro_bias: Bound,
@@ -65,15 +65,15 @@ pub struct Bounds {
     pub gyro_scale: Bound,
     /// Entries off the diagonal of the gyroscope's sensitivity.
     pub gyro_cross_axis: Bound,
-    /// Gyroscope's sensitivity to specific force, rad/s per m/s².
+    /// Sensitivity of the gyroscope to specific force, rad/s per m/s².
     pub gyro_g_sensitivity: Bound,
-    /// Gyroscope's sensitivity to the square of specific force along its axis, rad/s per (m/s²)².
+    /// Sensitivity of the gyroscope to the square of specific force along its axis, rad/s per (m/s²)².
     pub gyro_g2_sensitivity: Bound,
     /// Bias of a secondary accelerometer, m/s².
     pub secondary_bias: Bound,
     /// Scale of a secondary accelerometer, dimensionless.
     pub secondary_scale: Bound,
-    /// Entries of the sensitivity of a secondary accelerometer under `cross-axis`, which holds how it is mounted.
+    /// Entries of the sensitivity of a secondary accelerometer under `cross-axis`, which includes its mounting.
     pub secondary_cross_axis: Bound,
 }
 
@@ -97,7 +97,7 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// Bounds that hold nothing back.
+    /// Returns bounds that limit nothing.
     pub fn none() -> Self {
         let free = Bound::Common(UNBOUNDED);
         Self {
@@ -116,7 +116,7 @@ impl Bounds {
         }
     }
 
-    /// Each with its key.
+    /// All bounds with their keys.
     pub fn named(&self) -> [(&'static str, Bound); 12] {
         [
             ("accel_bias", self.accel_bias),
@@ -134,7 +134,7 @@ impl Bounds {
         ]
     }
 
-    /// Of a parameter of the primary accelerometer.
+    /// Limits of a parameter of the primary accelerometer.
     pub fn accelerometer(&self, term: Term) -> [f64; 2] {
         match term {
             Term::Bias(axis) => self.accel_bias.of(axis),
@@ -145,7 +145,7 @@ impl Bounds {
         }
     }
 
-    /// Of a parameter of the gyroscope.
+    /// Limits of a parameter of the gyroscope.
     pub fn gyroscope(&self, term: Term) -> [f64; 2] {
         match term {
             Term::Bias(axis) => self.gyro_bias.of(axis),
@@ -156,7 +156,7 @@ impl Bounds {
         }
     }
 
-    /// Of a parameter of a secondary accelerometer.
+    /// Limits of a parameter of a secondary accelerometer.
     pub fn secondary(&self, shape: Parameterisation, term: Term) -> [f64; 2] {
         match term {
             Term::Bias(axis) => self.secondary_bias.of(axis),

@@ -1,14 +1,14 @@
-//! Bias and sensitivity of one triad. Which of their entries are unknown is said by [`Parameterisation`](super::Parameterisation).
+//! Bias and sensitivity of one triad.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// `measured = bias + sensitivity · true`.
+/// Measurement model `measured = bias + sensitivity · true`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// What a reading of zero adds, in the unit of the triad.
+    /// Reading at a true value of zero, in the unit of the triad.
     pub bias: Vector3<f64>,
-    /// Maps true to measured, dimensionless.
+    /// Matrix S that maps true to measured, dimensionless.
     pub sensitivity: Matrix3<f64>,
 }
 
@@ -19,17 +19,17 @@ impl Default for Calibration {
 }
 
 impl Calibration {
-    /// `S⁻¹ (measured − bias)`, in the unit of the triad; NaN if S cannot be inverted.
+    /// Corrects a reading: `S⁻¹ (measured − bias)`, in the unit of the triad; NaN if S is singular.
     pub fn correct(&self, measured: &Vector3<f64>) -> Vector3<f64> {
         self.inverse() * (measured - self.bias)
     }
 
-    /// `bias + S · truth`.
+    /// Predicts a reading: `bias + S · truth`, in the unit of the triad.
     pub fn measure(&self, truth: &Vector3<f64>) -> Vector3<f64> {
         self.bias + self.sensitivity * truth
     }
 
-    /// S⁻¹, NaN if there is none.
+    /// Inverse S⁻¹; NaN if S is singular.
     pub fn inverse(&self) -> Matrix3<f64> {
         self.sensitivity.try_inverse().unwrap_or(Matrix3::repeat(f64::NAN))
     }

@@ -5,45 +5,46 @@ use serde::{Deserialize, Serialize};
 use super::bound::Bounds;
 use super::gravity::Place;
 
-/// How a calibration is fitted.
+/// Settings of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Which measurement model.
+    /// Measurement model of the accelerometer.
     pub model: Model,
-    /// Where the fit of the accelerometer stops.
+    /// Stage after which the fit of the accelerometer stops.
     pub estimator: Estimator,
-    /// Local gravity in m/s², if it is known. Otherwise it follows from the latitude, that from a position in the
-    /// recording, and without any it is standard gravity with an uncertainty of 0.15 %.
+    /// Local gravity, m/s², if known. Otherwise it follows from the latitude; that, from a position in the recording.
+    /// Without either it is standard gravity, with an uncertainty of 0.15 %.
     pub gravity: Option<f64>,
-    /// Where the recording was made, in degrees north: for gravity and for the Earth's rotation.
+    /// Latitude of the recording, degrees north: for gravity and for the Earth's rotation.
     pub latitude_deg: Option<f64>,
-    /// And how high above the ellipsoid, in m; unset, at sea level, give or take 500 m.
+    /// Height above the ellipsoid, m; unset, sea level ± 500 m.
     pub height_m: Option<f64>,
     /// Topic of positions; unset, the first one of a known type.
     pub fix_topic: Option<String>,
-    /// A rest further than this from every face of the fixture is rejected, in degrees.
+    /// Largest angle between a rest and its nearest face, degrees; a rest further off is rejected.
     pub max_tilt_deg: f64,
-    /// How far a specific force at rest repeats from placement to placement, one standard deviation in m/s²:
-    /// what is assumed until repeated placements show it.
+    /// Repeatability of specific force at rest between placements, standard deviation, m/s²: assumed until repeated
+    /// placements show it.
     pub placement_std: f64,
-    /// The same for the mean rate of a gyroscope, in rad/s.
+    /// Repeatability of the mean rate of a gyroscope at rest, likewise, rad/s.
     pub rate_std: f64,
-    /// How large the entries of an accelerometer's sensitivity off the diagonal are where a model has no word for them, one
-    /// standard deviation.
+    /// Standard deviation of the off-diagonal entries of an accelerometer's sensitivity where the model does not
+    /// estimate them.
     pub cross_axis_std: f64,
-    /// What the square of an accelerometer's reading adds to it at 1 g, one standard deviation in m/s²: six faces cannot tell
-    /// it from a bias.
+    /// Quadratic nonlinearity of an accelerometer: what the square of a reading adds to it at 1 g, standard deviation,
+    /// m/s². Six faces cannot tell it from a bias.
     pub nonlinearity: f64,
-    /// How far a corrected reading may err in any direction, at 95 %, for a model that needs no faces to be believed, m/s².
+    /// Largest error of a corrected reading in any direction, at 95 %, with which a model that needs no faces is
+    /// believed, m/s².
     pub max_error: f64,
-    /// How equations that are left over count.
+    /// Loss function of the residuals.
     pub loss: Loss,
-    /// When a calibration is fitted anew.
+    /// Trigger of a refit.
     pub refit: Refit,
-    /// Age at which a placement counts half, in seconds: lets a calibration follow drift. Unset, none ages.
+    /// Age at which a placement counts half, s: lets a calibration follow drift. Unset, none ages.
     pub half_life_s: Option<f64>,
-    /// What the IMU is placed on.
+    /// Fixture that the IMU is placed on.
     pub fixture: FixtureConfig,
     /// Datasheet limits.
     pub bounds: Bounds,
@@ -74,13 +75,13 @@ impl Default for Config {
 }
 
 impl Config {
-    /// The configured place.
+    /// Configured place, if there is a latitude.
     pub fn place(&self) -> Option<Place> {
         self.latitude_deg.map(|latitude_deg| Place { latitude_deg, height_m: self.height_m })
     }
 }
 
-/// A measurement model of an accelerometer.
+/// Measurement model of an accelerometer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Model {
@@ -89,49 +90,51 @@ pub enum Model {
     Auto,
     /// Bias and diagonal sensitivity, six unknowns: needs the faces of the fixture.
     BiasScale,
-    /// Bias and lower-triangular sensitivity, nine unknowns: needs nine or more placements in spread directions, any.
+    /// Bias and lower-triangular sensitivity, nine unknowns: needs nine or more placements in spread directions, on
+    /// faces or not.
     Triangular,
-    /// Bias and all of the sensitivity, twelve unknowns: needs a fixture that is accurate. Of the gyroscope, bias,
-    /// sensitivity to specific force and to its square, fifteen unknowns.
+    /// Bias and full sensitivity, twelve unknowns: needs an accurate fixture. Of the gyroscope: bias, sensitivity to
+    /// specific force and to its square, fifteen unknowns.
     CrossAxis,
-    /// That, the sensitivity of each triad to what the other measures, and the gyroscope's own: 21 and 24 unknowns. Needs a
-    /// reference that knows the true specific force and angular rate, in motion.
+    /// As `CrossAxis`, with the sensitivity of each triad to the other's quantity, and the gyroscope's own: 21 and 24
+    /// unknowns. Needs a reference of true specific force and angular rate, in motion.
     Full,
 }
 
-/// How equations that are left over count.
+/// Loss function of the residuals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Loss {
-    /// By their squares.
+    /// Least squares.
     #[default]
     Square,
-    /// By their squares up to 1.345 standard deviations, by their distance beyond (Huber).
+    /// Huber's loss: quadratic up to 1.345 standard deviations, linear beyond.
     Huber,
 }
 
-/// When a calibration is fitted anew.
+/// Trigger of a refit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Refit {
-    /// With every rest.
+    /// Every rest.
     #[default]
     Segment,
-    /// Once every face of the fixture was seen again.
+    /// A new rest on every face of the fixture.
     Round,
 }
 
-/// What the IMU is placed on: the directions that gravity is meant to take.
+/// Fixture that the IMU is placed on: nominal directions of gravity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FixtureConfig {
-    /// A solid that the IMU sits in, its axes those of the IMU.
+    /// Solid that holds the IMU, its axes those of the IMU.
     pub solid: Solid,
-    /// How the IMU is turned in it, as a rotation vector in degrees: from its own axes to those of the solid.
+    /// Mounting of the IMU in the solid, as a rotation vector in degrees: from the axes of the IMU to those of the
+    /// solid.
     pub mounting_deg: [f64; 3],
-    /// How accurate the directions are, for `cross-axis`: one standard deviation, in degrees.
+    /// Accuracy of the directions, for `cross-axis`: standard deviation, degrees.
     pub accuracy_deg: f64,
-    /// The faces, if they are those of no solid.
+    /// Faces, if they are those of no solid.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faces: Vec<FaceConfig>,
 }
@@ -142,34 +145,34 @@ impl Default for FixtureConfig {
     }
 }
 
-/// A solid with an IMU in it.
+/// Solid with an IMU in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solid {
     /// Six faces, one along each axis.
     #[default]
     Cube,
-    /// Twelve.
+    /// Twelve faces.
     Dodecahedron,
 }
 
-/// One face.
+/// Face of a fixture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaceConfig {
-    /// What it is called.
+    /// Name of the face.
     pub name: String,
-    /// What points up while the IMU rests on it, of any length.
+    /// Direction that points up while the IMU rests on it, in the axes of the solid, of any length.
     pub up: [f64; 3],
 }
 
-/// Where the fit of the accelerometer stops.
+/// Stage after which the fit of the accelerometer stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
-    /// After the refinement on the magnitude of gravity, which is immune to tilt.
+    /// Refinement on the magnitude of gravity, which is immune to tilt.
     #[default]
     Magnitude,
-    /// After the regression on the fixture's faces, as the thesis does.
+    /// Regression on the fixture's faces, as in the thesis.
     Fixture,
 }

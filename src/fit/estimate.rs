@@ -1,4 +1,4 @@
-//! What a fit of any triad comes to: parameters, their uncertainty, and how well the rests agree with them.
+//! Result of a fit of any triad: parameters, their uncertainty, and how well the rests agree with them.
 
 use nalgebra::{DMatrix, DVector, MatrixXx3};
 
@@ -7,48 +7,50 @@ use super::parameterisation::Parameterisation;
 use super::reliability::Reliability;
 use super::worst_case::{ReadingError, most};
 
-/// Parameters of a triad and how well they are known.
+/// Parameters of a triad with their uncertainty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// Which parameters were estimated, and in what order they stand.
+    /// Estimated parameters and their order.
     pub shape: Parameterisation,
-    /// Their values.
+    /// Values of the parameters.
     pub parameters: DVector<f64>,
-    /// Their covariance, all causes included, and stretched so that 1.96 standard deviations are half of a 95 % interval.
+    /// Covariance of the parameters from all causes, stretched so that 1.96 standard deviations are half of a 95 %
+    /// interval.
     pub covariance: DMatrix<f64>,
-    /// How large the entries of S are that the shape leaves out, by assumption and data: a root mean square.
+    /// Root mean square of the entries of S that the shape leaves out, from assumption and data.
     pub unmodelled_std: f64,
-    /// The same of the primary accelerometer that a secondary one was compared with.
+    /// The same of the primary accelerometer that a secondary one is compared with.
     pub inherited_std: f64,
-    /// Root mean square of what is left over, in the unit of the triad; for the primary accelerometer of ‖corrected‖ − g,
-    /// weighted.
+    /// Root mean square of the residuals, in the unit of the triad; of the primary accelerometer, weighted, of
+    /// ‖corrected‖ − g.
     pub residual_rms: f64,
-    /// The greatest rms that noise or the gate's allowance excuse.
+    /// Largest rms that noise or the gate's allowance explains.
     pub residual_limit: f64,
-    /// Weighted sum of squares over its degrees of freedom, at the assumed placement scatter; `None` without redundancy.
+    /// Weighted sum of squares over its degrees of freedom, at the assumed placement scatter; `None` without
+    /// redundancy.
     pub chi2_per_dof: Option<f64>,
-    /// Those degrees of freedom.
+    /// Degrees of freedom of that.
     pub freedom: f64,
-    /// What placements scatter by, as they were weighted with: one standard deviation for all axes, or one each.
+    /// Standard deviation between placements used for the weights: one for all axes, or one for each.
     pub placement_std: Vec<f64>,
     /// Condition number of the design.
     pub condition: f64,
-    /// How well the placements check each other; `None` beside a reference, where every sample checks the others.
+    /// Mutual check of the placements; `None` beside a reference, where every sample checks the others.
     pub reliability: Option<Reliability>,
-    /// Parameters held back by a bound, by their place in the parameter vector.
+    /// Parameters held by a bound, as indices into the parameter vector.
     pub active: Vec<usize>,
-    /// Where the errors of a primary accelerometer come from, for what is compared with it.
+    /// Causes of the errors of a primary accelerometer, for triads that are compared with it.
     pub origin: Option<Origin>,
 }
 
-/// The errors of parameters by their causes.
+/// Errors of the parameters by cause.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Origin {
-    /// Covariance by what is the same at every placement.
+    /// Covariance from errors that are the same at every placement.
     pub systematic: DMatrix<f64>,
-    /// How the parameters move with the mean of a placement, by its number: unknowns × 3.
+    /// Derivative of the parameters with respect to the mean of each placement, by its number: unknowns × 3.
     pub influence: Vec<(u32, MatrixXx3<f64>)>,
-    /// Variance between placements, per axis: likeliest, and such that 1.96 of its roots bound 95 %; and the variance of an
+    /// Variance between placements, per axis: the likeliest; one of whose roots 1.96 bound 95 %; and the variance of an
     /// estimate of it.
     pub between: [f64; 3],
 }
@@ -59,17 +61,17 @@ impl Estimate {
         self.shape.calibration(&self.parameters)
     }
 
-    /// Whether what is left over is small enough to believe the model.
+    /// Whether the residuals are small enough to believe the model.
     pub fn agrees(&self) -> bool {
         self.residual_rms <= self.residual_limit
     }
 
-    /// Standard deviation of a parameter by its place in the vector.
+    /// Standard deviation of a parameter by its index.
     pub fn std(&self, i: usize) -> f64 {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 
-    /// Allows for parameters that may as well be off by this.
+    /// Widens the covariance for parameters that may be off by `moved`.
     pub fn widen(&mut self, moved: &DVector<f64>) {
         /// Half width of a normal error's 95 % interval over its standard deviation.
         const NORMAL_95: f64 = 1.96;
@@ -80,23 +82,23 @@ impl Estimate {
         }
     }
 
-    /// Bound of the error of a corrected reading of an accelerometer at rest that holds in every direction of gravity at
-    /// once, 95 % of the time, if no placement was wrong, m/s². What the model leaves out of S is in it, and so is what that
-    /// of the primary does.
+    /// Bound of the error of a corrected accelerometer reading at rest, in every direction of gravity at once, 95 % of
+    /// the time, if no placement was wrong, m/s². Includes the entries of S that this model and that of the primary
+    /// leave out.
     pub fn reading_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
         let left_out = [self.unmodelled_std, self.inherited_std];
         ReadingError::new(self.shape, &self.covariance, inverse, left_out, gravity).worst()
     }
 
-    /// The same in the one direction where it is worst.
+    /// The same bound, in the one direction where it is largest.
     pub fn direction_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
         let left_out = [self.unmodelled_std, self.inherited_std];
         ReadingError::new(self.shape, &self.covariance, inverse, left_out, gravity).worst_direction()
     }
 
-    /// The largest error of a corrected reading that one wrong placement could cause without being noticed, m/s².
+    /// Largest error of a corrected reading that one wrong placement could cause undetected, m/s².
     pub fn hidden_error(&self, gravity: f64) -> f64 {
         let inverse = self.calibration().inverse();
         let checks = self.reliability.iter().flat_map(|reliability| &reliability.checks);
@@ -104,18 +106,18 @@ impl Estimate {
         errors.fold(0.0, f64::max)
     }
 
-    /// Both together.
+    /// Sum of [`reading_error`](Self::reading_error) and [`hidden_error`](Self::hidden_error), m/s².
     pub fn worst_case_error(&self, gravity: f64) -> f64 {
         self.reading_error(gravity) + self.hidden_error(gravity)
     }
 
-    /// Allows for a parameter that a bound holds back and that would lie elsewhere without it.
+    /// Widens the covariance for parameters held by a bound, given their values `without` it.
     pub fn doubt_bound(&mut self, without: &DVector<f64>) {
         /// Half width of a normal error's 95 % interval over its standard deviation.
         const NORMAL_95: f64 = 1.96;
         let mut moved = without - &self.parameters;
         for i in 0..moved.len() {
-            // Where it would lie is no surer than the parameter would be.
+            // The unbounded value is no more certain than the parameter is.
             moved[i] += NORMAL_95 * self.std(i) * if moved[i] == 0.0 { 0.0 } else { moved[i].signum() };
         }
         self.widen(&moved);

@@ -1,33 +1,33 @@
-//! The directions that gravity is meant to take in the sensor frame. Which rests are good is left to the caller.
+//! Fixture: the nominal directions of gravity in the sensor frame.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::config::{FixtureConfig, Solid};
 
-/// One direction of a fixture: the direction of true specific force while the IMU rests on it.
+/// Face of a fixture: the direction of true specific force while the IMU rests on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Face {
-    /// What people call it: `+X` means that the +X axis points up.
+    /// Name of the face: `+X` means that the +X axis points up.
     pub name: String,
     /// Unit vector in the sensor frame.
     pub normal: Vector3<f64>,
 }
 
-/// A list of faces.
+/// List of faces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fixture {
     faces: Vec<Face>,
 }
 
 impl Fixture {
-    /// The six face normals of a cube.
+    /// Returns the six face normals of a cube.
     pub fn cube() -> Self {
         Self { faces: axes().map(|(name, normal)| Face { name, normal }).collect() }
     }
 
-    /// The twelve face normals of a dodecahedron. Each is named after the axis that it is nearest to and the one that it
-    /// leans to: `+Z+Y` is the one above +Z on the side of +Y.
+    /// Returns the twelve face normals of a dodecahedron. Each is named after its nearest axis and the one it leans to:
+    /// `+Z+Y` is above +Z on the side of +Y.
     pub fn dodecahedron() -> Self {
         let golden = (1.0 + 5_f64.sqrt()) / 2.0;
         let faces = axes().flat_map(|(name, main)| {
@@ -41,7 +41,7 @@ impl Fixture {
         Self { faces: faces.collect() }
     }
 
-    /// What the configuration says: a solid or a list of faces, turned as the sensor is mounted.
+    /// Builds the configured fixture: a solid or a list of faces, rotated by the mounting of the sensor.
     pub fn new(config: &FixtureConfig) -> Self {
         let fixture = match config.solid {
             _ if !config.faces.is_empty() => {
@@ -62,23 +62,23 @@ impl Fixture {
         Self { faces: fixture.faces.into_iter().map(turned).collect() }
     }
 
-    /// The faces, in the order in which coverage lists them.
+    /// Faces, in the order in which coverage lists them.
     pub fn faces(&self) -> &[Face] {
         &self.faces
     }
 
-    /// The face nearest to a true specific force, and the angle to it in degrees. `None` for a zero vector.
+    /// Face nearest to a true specific force, and the angle to it in degrees. `None` for a zero vector.
     pub fn nearest(&self, specific_force: &Vector3<f64>) -> Option<(usize, f64)> {
         let up = specific_force.try_normalize(1e-9)?;
         let (index, face) =
             self.faces.iter().enumerate().max_by(|(_, a), (_, b)| up.dot(&a.normal).total_cmp(&up.dot(&b.normal)))?;
-        // atan2 keeps its precision where the angle is small, which acos does not.
+        // Unlike acos, atan2 keeps its precision at small angles.
         let tilt = libm::atan2(up.cross(&face.normal).norm(), up.dot(&face.normal));
         Some((index, tilt.to_degrees()))
     }
 }
 
-/// The axes of the sensor, both ways, by name.
+/// Axes of the sensor in both directions, with their names.
 fn axes() -> impl Iterator<Item = (String, Vector3<f64>)> {
     [("X", Vector3::x()), ("Y", Vector3::y()), ("Z", Vector3::z())]
         .into_iter()

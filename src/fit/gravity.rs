@@ -1,38 +1,37 @@
-//! How long gravity is, and how sure that is. Which of the sources there are is left to the configuration and to the
-//! recording.
+//! Magnitude of gravity and its uncertainty.
 
 use serde::{Deserialize, Serialize};
 
 use super::student_t::NORMAL_95;
 
-/// The length of gravity.
+/// Magnitude of gravity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gravity {
-    /// m/s².
+    /// Value, m/s².
     pub value: f64,
-    /// One standard deviation, m/s²: 1.96 of them are half of the interval that holds it.
+    /// Standard deviation, m/s²: 1.96 of them are half of the 95 % interval.
     pub std: f64,
-    /// Where it is from.
+    /// Source of the value.
     pub source: Source,
-    /// The place that it is felt at, if that is known.
+    /// Place of the recording, if known.
     pub place: Option<Place>,
 }
 
-/// Where a value of gravity is from.
+/// Source of a value of gravity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
-    /// `fit.gravity`.
+    /// Configured as `fit.gravity`.
     Configured,
-    /// `fit.latitude_deg`.
+    /// From `fit.latitude_deg`.
     Latitude,
-    /// A position in the recording.
+    /// From a position in the recording.
     FixTopic,
-    /// Nothing is known of the place.
+    /// Standard gravity: nothing is known of the place.
     Standard,
 }
 
 impl Source {
-    /// Its name in messages.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Configured => "configured",
@@ -43,12 +42,12 @@ impl Source {
     }
 }
 
-/// A place on the Earth, as far as gravity and rotation depend on it.
+/// Place on the Earth, as far as gravity and the Earth's rotation depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// Geodetic latitude, degrees north.
     pub latitude_deg: f64,
-    /// Height above the ellipsoid of WGS 84, m, if it is known.
+    /// Height above the ellipsoid of WGS 84, m, if known.
     pub height_m: Option<f64>,
 }
 
@@ -56,14 +55,14 @@ pub struct Place {
 pub const EARTH_RATE: f64 = 7.292_115e-5;
 /// Standard gravity, m/s² (CGPM 1901).
 const STANDARD: f64 = 9.80665;
-/// From where people live highest nearest to the equator (La Rinconada, Peru, 5,100 m: 9.768 m/s²) to where they live nearest
-/// to a pole (Alert, Canada: 9.831 m/s²) gravity stays this near to the standard, m/s².
+/// Range of gravity about the standard where people live, m/s²: from the highest town near the equator (La Rinconada,
+/// Peru, 5,100 m: 9.768 m/s²) to the settlement nearest to a pole (Alert, Canada: 9.831 m/s²).
 const STANDARD_RANGE: f64 = 0.04;
-/// What normal gravity knows nothing of, mountains and ore, moves gravity by about this much (50 mGal), m/s².
+/// Gravity anomalies, such as mountains and ore, which normal gravity does not model: about 50 mGal, m/s².
 const ANOMALY: f64 = 5e-4;
-/// A height that nobody gave is zero, give or take so many metres.
+/// Standard deviation of an unknown height, which is taken as zero, m.
 const UNKNOWN_HEIGHT: f64 = 500.0;
-/// One that was given is good to so many metres: fixes say the ellipsoid's, people the sea's, which is up to 100 m off.
+/// Standard deviation of a given height, m: fixes count from the ellipsoid, people from the sea, up to 100 m off.
 const KNOWN_HEIGHT: f64 = 30.0;
 /// Free-air gradient, (m/s²)/m.
 const GRADIENT: f64 = 3.086e-6;
@@ -74,17 +73,17 @@ impl Gravity {
         NORMAL_95 * self.std
     }
 
-    /// As somebody measured it.
+    /// Gravity of a configured, measured value.
     pub fn configured(value: f64) -> Self {
         Self { value, std: 0.0, source: Source::Configured, place: None }
     }
 
-    /// Of nowhere in particular.
+    /// Standard gravity, for an unknown place.
     pub fn standard() -> Self {
         Self { value: STANDARD, std: STANDARD_RANGE / NORMAL_95, source: Source::Standard, place: None }
     }
 
-    /// Of a place.
+    /// Normal gravity of a place.
     pub fn at(place: &Place, source: Source) -> Self {
         let height_std = if place.height_m.is_some() { KNOWN_HEIGHT } else { UNKNOWN_HEIGHT };
         let std = libm::hypot(ANOMALY, GRADIENT * height_std);
@@ -93,7 +92,7 @@ impl Gravity {
 }
 
 impl Place {
-    /// Whether there is such a place, within reach of vehicles.
+    /// Whether the place exists, within reach of vehicles.
     pub fn is_valid(&self) -> bool {
         self.latitude_deg.abs() <= 90.0 && self.height_m.is_none_or(|height| (-12_000.0..=100_000.0).contains(&height))
     }
@@ -101,7 +100,7 @@ impl Place {
     /// Normal gravity of the ellipsoid of WGS 84 (Somigliana's formula, and its expansion in height: NIMA TR8350.2, 3rd
     /// edition, equations 4-1 and 4-3), m/s².
     fn normal_gravity(&self) -> f64 {
-        /// At the equator, m/s².
+        /// Normal gravity at the equator, m/s².
         const EQUATOR: f64 = 9.780_325_335_9;
         const K: f64 = 0.001_931_852_652_41;
         /// Square of the first eccentricity.
@@ -117,7 +116,7 @@ impl Place {
         on_ellipsoid * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * sin2) * height + 3.0 * height * height)
     }
 
-    /// The Earth's rotation about the local vertical, rad/s, counted about the direction that points up.
+    /// Earth's rotation about the local vertical, rad/s, positive about up.
     pub fn vertical_rate(&self) -> f64 {
         EARTH_RATE * self.vertical_share()
     }

@@ -1,5 +1,5 @@
-//! The gyroscope from what it reads at rest: its bias, and, where specific force is known, what it makes of that. It needs
-//! no faces, only rests that are no turns.
+//! Calibration of the gyroscope from its readings at rest: its bias and, where specific force is known, its
+//! g-sensitivity. Needs no faces, only rests.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,8 +14,8 @@ use super::placement_scatter::Assumed;
 use super::regression::{Reading, Regression, regress};
 use super::uncertainty::Sharing;
 
-/// Regresses placements that scatter by `assumed_std` (rad/s) until they show otherwise on the specific forces (m/s²) that
-/// their truths hold as the other quantity.
+/// Regresses readings on the specific forces (m/s²) that their truths hold as the other quantity. Placements scatter by
+/// `assumed_std` (rad/s) until they show otherwise.
 ///
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
@@ -33,10 +33,10 @@ pub fn fit(
     Ok(regression.estimate(&other.into(), f64::INFINITY))
 }
 
-/// What the Earth, of which nobody knows where north is, does to each parameter beyond the true rate that is known: a
-/// variance each. About the vertical it turns every placement alike; where the latitude is known, that is known. Across
-/// it, however often the IMU is placed, it may face such a way that what it adds never averages out. Where not even the
-/// vertical is known, all of it may lie anywhere.
+/// Variance of each parameter from the part of the Earth's rotation that is not known, since north is not. The vertical
+/// component turns every placement alike, and is known where the latitude is. The horizontal component may point the
+/// same way in the sensor frame at every placement, so that it never averages out. Without even the vertical component,
+/// all of the rotation may point anywhere.
 fn by_earth(shape: Parameterisation, readings: &[Reading], regression: &Regression) -> DMatrix<f64> {
     let influence: Vec<_> = regression.solved.influence(&regression.solved.gain()).collect();
     let (mut along, mut across) = (DVector::zeros(shape.unknowns()), DVector::<f64>::zeros(shape.unknowns()));

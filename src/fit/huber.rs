@@ -1,9 +1,9 @@
-//! Bounded regression with Huber's loss: rows beyond a threshold count by their distance, not by its square, so that a few
-//! wrong ones cannot carry the solution away (Huber, "Robust estimation of a location parameter", 1964).
+//! Bounded regression with Huber's loss: rows beyond a threshold count by their distance, not by its square, so that a
+//! few wrong ones cannot carry the solution away (Huber, "Robust estimation of a location parameter", 1964).
 //!
-//! As a conic program (Mangasarian and Musicant 2000): minimise ½‖u‖² + δ Σ v over x, u, v with −v ≤ A x − b − u ≤ v. The
-//! interior-point solver says which rows are beyond the threshold; with those known the problem is a least squares,
-//! which gives the last digits and is checked to agree about the rows.
+//! Solved as a conic program (Mangasarian and Musicant 2000): minimise ½‖u‖² + δ Σ v over x, u, v with −v ≤ A x − b − u
+//! ≤ v. The interior-point solver finds the rows beyond the threshold; with those known, a least squares gives the last
+//! digits, and its residuals are checked to select the same rows.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -29,18 +29,18 @@ pub fn huber(
     }
     let start = conic(a, b, lower, upper, delta)?;
     match polish(a, b, lower, upper, delta, start.clone()) {
-        // Bounds may hold the solution where too few rows are within the threshold to solve by.
+        // Bounds may hold the solution where too few rows are within the threshold to solve.
         Err(Error::Singular(_) | Error::NotConverged) => reweighted(a, b, lower, upper, delta, start),
         solved => solved,
     }
 }
 
-/// How much each row counts beside one within the threshold: the weight of a least squares with the same minimum.
+/// Weight of each row, one within the threshold: that of a least squares with the same minimum.
 pub fn weights(residuals: &DVector<f64>, delta: f64) -> DVector<f64> {
     residuals.map(|residual| if residual.abs() <= delta { 1.0 } else { delta / residual.abs() })
 }
 
-/// With the rows beyond the threshold taken as such, solves again until they stay the same.
+/// Solves with the rows beyond the threshold known, until they stay the same.
 fn polish(
     a: &DMatrix<f64>,
     b: &DVector<f64>,
@@ -50,12 +50,12 @@ fn polish(
     start: DVector<f64>,
 ) -> Result<Solution, Error> {
     const ROUNDS: usize = 50;
-    // Rows that stand at the threshold may fall to either side without moving the solution.
+    // Rows at the threshold may fall on either side without moving the solution.
     const AT: f64 = 1e-9;
     let side = |r: f64, margin: f64| if r.abs() <= delta + margin { 0.0 } else { r.signum() };
     let mut sides = (a * &start - b).map(|residual| side(residual, 0.0));
     for _ in 0..ROUNDS {
-        // Within the threshold a least squares; a row beyond it pulls with a constant force.
+        // Quadratic within the threshold; a row beyond it pulls with a constant force.
         let within: Vec<usize> = (0..sides.len()).filter(|&i| sides[i] == 0.0).collect();
         let (inner, target) = (a.select_rows(&within), b.select_rows(&within));
         if inner.nrows() < inner.ncols() {
@@ -131,7 +131,7 @@ fn conic(
             program.push(row, sign * b[i] / delta);
         }
     }
-    // What is further away than any solution is no bound, and would only spoil the scaling.
+    // A bound further away than any solution only spoils the scaling.
     const FAR: f64 = 1e6;
     program.bound(&(lower.component_mul(&scale) / delta), &(upper.component_mul(&scale) / delta), FAR);
     let found = program.minimise()?;

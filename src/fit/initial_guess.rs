@@ -1,14 +1,13 @@
-//! A first guess at an accelerometer's calibration, good enough to tell which way up each rest was.
+//! Initial guess of an accelerometer's calibration, good enough to tell which way up each rest was.
 
 use nalgebra::Vector3;
 
 use super::calibration::Calibration;
 
-/// Guesses from raw means at rest (m/s²) and the length of gravity.
+/// Guesses from raw means at rest (m/s²) and the magnitude of gravity.
 ///
-/// With a large bias the raw mean points the wrong way (on one real MPU-9250, in 17 of 40 rests). The middle of an
-/// axis' range is its bias once both of its faces were seen; until then the smallest bias that explains the readings is
-/// taken.
+/// With a large bias the raw mean points the wrong way (on one real MPU-9250, in 17 of 40 rests). Once both faces of an
+/// axis were seen, its bias is the middle of its range; until then, the smallest bias that explains the readings.
 pub fn guess<'a>(means: impl Iterator<Item = &'a Vector3<f64>> + Clone, gravity: f64) -> Calibration {
     let mut guess = Calibration::default();
     for axis in 0..3 {
@@ -23,7 +22,7 @@ pub fn guess<'a>(means: impl Iterator<Item = &'a Vector3<f64>> + Clone, gravity:
             guess.bias[axis] = middle;
             guess.sensitivity[(axis, axis)] = range / (2.0 * gravity);
         } else {
-            // Every reading must lie within one g of the bias: what is nearest to zero of that.
+            // Every reading lies within 1 g of the bias: the value nearest to zero that allows it.
             guess.bias[axis] = 0.0_f64.clamp(high - gravity, low + gravity);
         }
     }

@@ -1,5 +1,5 @@
-//! All of the primary accelerometer's sensitivity, from placements whose directions an accurate fixture knows (the thesis'
-//! simplified model 1). Whether the fixture is accurate is left to whoever says so.
+//! Full sensitivity of the primary accelerometer, from placements whose directions an accurate fixture knows (the
+//! thesis' simplified model 1).
 
 use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 
@@ -12,11 +12,11 @@ use super::placement_scatter::Assumed;
 use super::regression::{Reading, regress};
 use super::uncertainty::Sharing;
 
-/// Residuals below this are no reason to refuse, m/s².
+/// Residuals below this never make a fit disagree, m/s².
 const ALLOWANCE: f64 = 0.03;
 
-/// Regresses the observations on the directions of their faces, each of which may lie off by `accuracy` (radians, one
-/// standard deviation about each axis across), the same whenever the IMU rests on it.
+/// Regresses the observations on the directions of their faces. Each may be off by `accuracy` (radians, standard
+/// deviation about each axis across it), the same whenever the IMU rests on it.
 ///
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
@@ -34,8 +34,8 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64)
     let assumed = Assumed { placement: given.placement_std, leak: 0.0 };
     let regression = regress(shape, &readings, assumed, Sharing::ByAxis, &bounds, given.loss)?;
 
-    // The regression took each placement to be off by itself. It is not: what a face is off by is the same whenever the
-    // IMU rests on it, so the solution's answers to its placements add up.
+    // The regression took the direction errors as independent between placements. But the error of a face is the same
+    // whenever the IMU rests on it, so the effects of its placements add up.
     let solved = &regression.solved;
     let sensitivity = shape.calibration(&solved.solution.x).sensitivity;
     let influence: Vec<_> = solved.influence(&solved.gain()).collect();
@@ -63,7 +63,7 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64)
     Ok(Estimate { origin: Some(origin), ..estimate })
 }
 
-/// Projects on the plane across a direction.
+/// Projection onto the plane perpendicular to a direction.
 fn across(normal: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() - normal * normal.transpose()
 }

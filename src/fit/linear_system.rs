@@ -1,9 +1,9 @@
-//! Weighted linear equations about the unknowns of a [`Parameterisation`], solved within bounds. What the equations say is left to
-//! whoever writes them: regressions, and the steps of refinements.
+//! Weighted linear equations about the unknowns of a [`Parameterisation`], solved within bounds: for regressions and
+//! for the steps of refinements.
 //!
-//! The entries of S that the model has no word for, the leaks, are constants of the sensor, of which is assumed how large
-//! they are. Where the equations tell more of them than that, they are estimated on the way (a mixed model, Henderson 1950):
-//! otherwise they would pass for bias and scale wherever opposite faces are not seen equally well.
+//! Leaks are the entries of S that the model does not estimate: constants of the sensor, with an assumed standard
+//! deviation. Where the equations say more about them than that, they are estimated along the way (a mixed model,
+//! Henderson 1950); otherwise they would appear as bias and scale wherever opposite faces are not seen equally well.
 
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 
@@ -17,54 +17,56 @@ use super::residual_block::ResidualBlock;
 /// Lower and upper bounds of the unknowns.
 pub type Limits = (DVector<f64>, DVector<f64>);
 
-/// Where Huber's loss begins to count by distance, in standard deviations: of normal errors it wastes a twentieth (Huber 1964).
+/// Threshold of Huber's loss, in standard deviations: 95 % efficient for normal errors (Huber 1964).
 const THRESHOLD: f64 = 1.345;
 
-/// Equations under way.
+/// Equations about the unknowns, collected one by one.
 #[derive(Clone, Debug)]
 pub struct LinearSystem {
     shape: Parameterisation,
-    /// Standard deviation of each leak; zero where they are none.
+    /// Standard deviation of each leak; zero if there are none.
     leak: f64,
-    /// Rows of the design, weighted, one after the other.
+    /// Weighted rows of the design, one after the other.
     design: Vec<f64>,
-    /// How the rows would answer to the entries of S that the model has no word for, weighted alike.
+    /// Rows of the design for the leaks, weighted alike.
     leaks: Vec<f64>,
     targets: Vec<f64>,
     rows: Vec<Row>,
 }
 
-/// How sure an equation is.
+/// Uncertainty of one equation.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Variance of its target by noise alone.
+    /// Variance of its target from noise alone.
     pub noise: f64,
-    /// How the target moves with the mean that it comes from; a placement moves the mean by as much on every axis.
+    /// Derivative of the target with respect to the mean it comes from; a placement moves the mean equally on every
+    /// axis.
     pub direction: Vector3<f64>,
-    /// What it was multiplied with.
+    /// Factor by which the equation was multiplied.
     weight: f64,
 }
 
 impl Row {
-    /// What a unit of variance between placements adds to the variance of the target.
+    /// Variance that a unit of variance between placements adds to the target.
     pub fn gain(&self) -> f64 {
         self.direction.norm_squared()
     }
 }
 
 impl LinearSystem {
-    /// No equations yet, about a sensor without leaks.
+    /// Creates an empty system for a sensor without leaks.
     pub fn new(shape: Parameterisation) -> Self {
         Self::leaking(shape, 0.0)
     }
 
-    /// No equations yet, about a sensor whose leaks have that standard deviation.
+    /// Creates an empty system for a sensor whose leaks have a standard deviation of `leak`.
     pub fn leaking(shape: Parameterisation, leak: f64) -> Self {
         Self { shape, leak, design: Vec::new(), leaks: Vec::new(), targets: Vec::new(), rows: Vec::new() }
     }
 
-    /// Adds `direction · J(truth) · x = target`, J being the derivative of a reading by the unknowns, where the target has
-    /// that variance by noise, and placements scatter with a variance of `between` along the direction.
+    /// Adds `direction · J(truth) · x = target`, where J is the derivative of a reading with respect to the unknowns.
+    /// The target has a variance of `noise` from noise, and placements scatter with a variance of `between` along the
+    /// direction.
     pub fn push(&mut self, direction: &Vector3<f64>, truth: &Truth, target: f64, noise: f64, between: f64) {
         let mut row = Row { noise, direction: *direction, weight: 1.0 };
         row.weight = 1.0 / (noise + row.gain() * between).sqrt();
@@ -76,8 +78,8 @@ impl LinearSystem {
         self.rows.push(row);
     }
 
-    /// Adds a sum over `terms` of unknowns times factors that equals `target` up to an error of variance `noise`, whatever the
-    /// placements.
+    /// Adds an equation that does not depend on placements: the sum over `terms` of unknowns times factors is `target`,
+    /// up to an error of variance `noise`.
     pub fn push_known(&mut self, terms: &[(Term, f64)], target: f64, noise: f64) {
         let weight = 1.0 / noise.sqrt();
         let factor =
@@ -88,7 +90,7 @@ impl LinearSystem {
         self.rows.push(Row { noise, direction: Vector3::zeros(), weight });
     }
 
-    /// The weighted solution within the limits.
+    /// Solves for the weighted solution within the limits.
     ///
     /// # Errors
     /// If the equations do not determine the unknowns, the limits contradict each other, or the solver fails.
@@ -97,7 +99,7 @@ impl LinearSystem {
         let mut design = DMatrix::from_vec(self.shape.unknowns(), rows, self.design).transpose();
         let mut leaks = DMatrix::from_vec(self.shape.unmodelled().count(), rows, self.leaks).transpose();
         let targets = DVector::from_vec(self.targets);
-        // Under Huber's loss what leaks is an error like others.
+        // Under Huber's loss a leak counts as an error like others.
         let leak = if loss == Loss::Huber { 0.0 } else { self.leak };
         let solution = match (loss, Free::of_leaks(&design, &leaks, leak)) {
             (Loss::Huber, _) => huber(&design, &targets, low, high, THRESHOLD)?,
@@ -111,7 +113,7 @@ impl LinearSystem {
         };
         let mut left = &targets - &design * &solution.x;
         if loss == Loss::Huber {
-            // An equation beyond the threshold says less of the unknowns.
+            // An equation beyond the threshold says less about the unknowns.
             for (i, weight) in weights(&left, THRESHOLD).map(f64::sqrt).iter().enumerate() {
                 design.row_mut(i).scale_mut(*weight);
                 leaks.row_mut(i).scale_mut(*weight);
@@ -123,31 +125,31 @@ impl LinearSystem {
     }
 }
 
-/// A solution with the weighted equations that it came from.
+/// Solution with the weighted equations that it came from.
 #[derive(Clone, Debug)]
 pub struct Solved {
-    /// Where it lies.
+    /// Minimiser within the limits.
     pub solution: Solution,
-    /// Weighted, equations × unknowns.
+    /// Weighted design, equations × unknowns.
     pub design: DMatrix<f64>,
-    /// How they answer to the entries of S that the model has no word for, weighted alike.
+    /// Weighted design of the leaks, equations × leaks.
     pub leaks: DMatrix<f64>,
-    /// What the solution left over, weighted; what leaks is still in it.
+    /// Weighted residuals; they still contain the leaks.
     pub left: DVector<f64>,
-    /// Standard deviation that was assumed of the leaks.
+    /// Assumed standard deviation of the leaks.
     leak: f64,
     rows: Vec<Row>,
 }
 
-/// What equations say of the unknowns where the leaks are free within what is assumed of them.
+/// Normal equations of the unknowns, with the leaks free within their assumed scatter.
 struct Free {
     information: DMatrix<f64>,
-    /// By how much the right side of the normal equations moves with each weighted target.
+    /// Derivative of the right-hand side of the normal equations with respect to each weighted target.
     answer: DMatrix<f64>,
 }
 
 impl Free {
-    /// `None` where there are no leaks, or the equations are no numbers.
+    /// Eliminates the leaks; `None` if there are none, or the equations are not finite.
     fn of_leaks(design: &DMatrix<f64>, leaks: &DMatrix<f64>, leak: f64) -> Option<Self> {
         if leaks.ncols() == 0 || leak <= 0.0 {
             return None;
@@ -161,12 +163,13 @@ impl Free {
 }
 
 impl Solved {
-    /// What an equation was multiplied with.
+    /// Factor by which an equation was multiplied.
     pub fn weight(&self, equation: usize) -> f64 {
         self.rows.get(equation).map_or(0.0, |row| row.weight)
     }
 
-    /// By how much the unknowns move with each weighted target, unknowns × equations; NaN where they are not determined.
+    /// Derivative of the unknowns with respect to each weighted target, unknowns × equations; NaN if they are not
+    /// determined.
     pub fn gain(&self) -> DMatrix<f64> {
         let unknowns = self.design.ncols();
         let Free { information, answer } = Free::of_leaks(&self.design, &self.leaks, self.leak)
@@ -174,7 +177,7 @@ impl Solved {
         information.try_inverse().unwrap_or_else(|| DMatrix::repeat(unknowns, unknowns, f64::NAN)) * answer
     }
 
-    /// Covariance that independent errors of the equations give to the unknowns, which answer to them by `gain`.
+    /// Covariance of the unknowns from independent errors of the equations, by their `gain`.
     pub fn spread(&self, gain: &DMatrix<f64>, variance: impl Fn(&Row) -> f64) -> DMatrix<f64> {
         let mut scaled = gain.clone();
         for (mut column, row) in scaled.column_iter_mut().zip(&self.rows) {
@@ -183,12 +186,12 @@ impl Solved {
         &scaled * scaled.transpose()
     }
 
-    /// By how much the unknowns move with the mean of each equation: unknowns × 3.
+    /// Derivative of the unknowns with respect to the mean of each equation: unknowns × 3.
     pub fn influence(&self, gain: &DMatrix<f64>) -> impl Iterator<Item = MatrixXx3<f64>> {
         gain.column_iter().zip(&self.rows).map(|(column, row)| column * row.weight * row.direction.transpose())
     }
 
-    /// The equations before they were weighted: all of them, or those of one axis where each reading gave three in turn.
+    /// Equations without their weights: all of them, or those of one axis where each reading gave three in turn.
     pub fn block(&self, shape: Parameterisation, axis: Option<usize>) -> ResidualBlock {
         let of_axis = |term: Term| axis.is_none_or(|axis| term.axis() == axis);
         let rows: Vec<_> = (0..self.rows.len()).filter(|r| axis.is_none_or(|axis| r % 3 == axis)).collect();
@@ -210,7 +213,7 @@ impl Solved {
     }
 }
 
-/// The limits that a function of the term says, for every unknown of a shape.
+/// Limits of every unknown of a shape, from a function of its term.
 pub fn limits(shape: Parameterisation, of: impl Fn(Term) -> [f64; 2]) -> Limits {
     let side = |side: usize| DVector::from_iterator(shape.unknowns(), shape.terms().iter().map(|&term| of(term)[side]));
     (side(0), side(1))

@@ -1,23 +1,23 @@
-//! Bounded linear least squares: MATLAB's `lsqlin` with bounds alone, by the interior-point solver clarabel.
+//! Bounded linear least squares, like MATLAB's `lsqlin` with bounds only, by the interior-point solver clarabel.
 //!
-//! The solver calls a singular problem solved and invents its values, so rank and optimality are checked here. It is
-//! asked only where it is not plain which bounds stand in the way: an unbounded minimiser that lies inside the bounds is
-//! the minimiser, and the decomposition that the rank check needs anyway gives it to the last digit. What the bounds cut
-//! off of it mostly tells which of them hold, and the conditions of Karush, Kuhn and Tucker whether it did.
+//! The solver reports a singular problem as solved and invents its values, so rank and optimality are checked here. It
+//! runs only where the active bounds are not obvious. An unbounded minimiser inside the bounds is the minimiser, and
+//! the decomposition that the rank check needs anyway gives it to the last digit. Clipped to the bounds, it mostly
+//! shows which of them are active; the Karush–Kuhn–Tucker conditions tell whether it did.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::error::Error;
 use super::quadratic_program::QuadraticProgram;
 
-/// A minimiser.
+/// Minimiser of a bounded least squares.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// Where the objective is least.
+    /// Values at the minimum.
     pub x: DVector<f64>,
-    /// The design as an upper triangle, its columns scaled to unit length.
+    /// Upper triangle of the design, its columns scaled to unit length.
     triangle: DMatrix<f64>,
-    /// Unknowns that stand at a bound which holds them back.
+    /// Unknowns held back by a bound.
     pub active: Vec<usize>,
 }
 
@@ -28,12 +28,12 @@ impl Solution {
     }
 }
 
-/// Beyond this, twelve of sixteen digits would be lost to the design alone.
+/// Largest condition number: beyond it, twelve of sixteen digits would be lost to the design alone.
 const MAX_CONDITION: f64 = 1e6;
 
-/// Minimises ‖a x − b‖² with `lower ≤ x ≤ upper`. Rows are to be weighted by the caller.
+/// Minimises ‖a x − b‖² with `lower ≤ x ≤ upper`. The caller weights the rows.
 ///
-/// `a` is m × n with m ≥ n, `b` has m rows, the bounds have n; infinite bounds are no bounds.
+/// `a` is m × n with m ≥ n, `b` has m rows, the bounds have n; an infinite bound is no bound.
 ///
 /// # Errors
 /// See [`Error`].
@@ -48,7 +48,7 @@ pub fn lsqlin(
     if !finite || !fits || lower.iter().zip(upper).any(|(l, u)| l.is_nan() || u.is_nan() || l > u) {
         return Err(Error::Invalid);
     }
-    // Columns of unit length and a residual of order one let one tolerance fit every problem.
+    // Columns of unit length and a residual of order one make one tolerance fit every problem.
     let scale = DVector::from_iterator(a.ncols(), a.column_iter().map(|c| c.norm()));
     if scale.iter().any(|s| *s <= 0.0) {
         return Err(Error::Singular(f64::INFINITY));
@@ -62,7 +62,7 @@ pub fn lsqlin(
     }
     let magnitude = b.amax().max(f64::MIN_POSITIVE);
     let mut target = b / magnitude;
-    // What the rows say of the unknowns, in as many rows as there are unknowns.
+    // Reduces the rows to as many as there are unknowns.
     let triangle = design.qr();
     triangle.q_tr_mul(&mut target);
     let design = triangle.unpack_r();
@@ -84,10 +84,10 @@ pub fn lsqlin(
     Ok(Solution { x: scaled.component_div(&scale) * magnitude, triangle: design, active })
 }
 
-/// Refuses a triangle that does not determine the unknowns.
+/// Checks that a triangle determines the unknowns.
 fn check_rank(triangle: &DMatrix<f64>) -> Result<(), Error> {
     let inverse = triangle.solve_upper_triangular(&DMatrix::identity(triangle.nrows(), triangle.ncols()));
-    // Frobenius' norms never make the condition number less than it is, and cost less.
+    // Frobenius norms never make the condition number smaller than it is, and are cheaper.
     if inverse.is_some_and(|inverse| triangle.norm() * inverse.norm() <= MAX_CONDITION) {
         return Ok(());
     }
@@ -95,7 +95,7 @@ fn check_rank(triangle: &DMatrix<f64>) -> Result<(), Error> {
     if condition <= MAX_CONDITION { Ok(()) } else { Err(Error::Singular(condition)) }
 }
 
-/// Ratio of the largest to the smallest singular value.
+/// Condition number: ratio of the largest to the smallest singular value.
 fn condition(singular_values: &DVector<f64>) -> f64 {
     singular_values.max() / singular_values.min()
 }
@@ -106,7 +106,7 @@ fn interior_point(
     low: &DVector<f64>,
     high: &DVector<f64>,
 ) -> Result<DVector<f64>, Error> {
-    // A bound that far from a solution of order one is none, and would only spoil the scaling.
+    // A bound that far from a solution of order one only spoils the scaling.
     const FAR: f64 = 1e3;
     let linear: Vec<f64> = (-design.tr_mul(target)).iter().copied().collect();
     let mut program = QuadraticProgram::new(rows(&design.tr_mul(design)), linear);
@@ -114,9 +114,9 @@ fn interior_point(
     program.minimise()
 }
 
-/// From a point near the minimiser to the minimiser itself: the bounds that it stands at are taken as equations, the
-/// rest is solved by decomposition, and the conditions of Karush, Kuhn and Tucker are checked; a bound with the wrong
-/// sign of the gradient is let go of.
+/// Refines a point near the minimiser to the minimiser: the bounds it is at become equations, the rest is solved by
+/// decomposition, and the Karush–Kuhn–Tucker conditions are checked. A bound whose gradient has the wrong sign is
+/// released.
 fn polish(
     design: &DMatrix<f64>,
     target: &DVector<f64>,
@@ -141,7 +141,7 @@ fn polish(
             continue;
         }
         let gradient = design.tr_mul(&(design * &x - target));
-        // At a lower bound the objective must not fall inwards, that is, upwards.
+        // At a lower bound the objective must not decrease inwards, that is, upwards.
         let inward = |i: usize| if at[i] == Some(low[i]) { -gradient[i] } else { gradient[i] };
         let wrong = |i: &usize| at[*i].is_some() && low[*i] < high[*i] && inward(*i) > GRADIENT;
         match (0..n).filter(wrong).max_by(|&i, &j| inward(i).total_cmp(&inward(j))) {
@@ -178,7 +178,7 @@ mod tests {
 
     use super::*;
 
-    /// The minimiser by trying every combination of active bounds.
+    /// Minimiser found by trying every combination of active bounds.
     fn brute_force(a: &DMatrix<f64>, b: &DVector<f64>, low: &DVector<f64>, high: &DVector<f64>) -> DVector<f64> {
         let n = a.ncols();
         let mut best: Option<(f64, DVector<f64>)> = None;

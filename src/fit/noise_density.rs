@@ -1,40 +1,42 @@
-//! Noise densities of a triad from its Allan sums: white noise N, and the random walk K of its bias or a bound of it.
+//! Noise densities of a triad from its Allan sums: white noise N, and the random walk K of its bias or an upper bound
+//! of it.
 //!
-//! The model is σ²(τ) = N²/τ + K²τ/3, fitted by likelihood: a sum of squares over its expectation is χ² with the degrees of
-//! freedom that the hypothesis itself gives it. Neighbouring octaves of an overlapping estimator tell partly the same, so
-//! these are divided by 1.5 for white noise and by 2.5 for a random walk.
+//! The model σ²(τ) = N²/τ + K²τ/3 is fitted by likelihood: a sum of squares over its expectation is χ², with the
+//! degrees of freedom that the hypothesis itself implies. Neighbouring octaves of an overlapping estimator are partly
+//! redundant, so these are divided by 1.5 for white noise and by 2.5 for a random walk.
 
 use crate::still::{AllanSums, Octaves};
 
 /// Noise of one axis, with 95 % intervals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseDensity {
-    /// White noise, per √Hz.
+    /// White noise N, in the unit of the triad per √Hz.
     pub density: f64,
-    /// Its interval.
+    /// Interval of the white noise.
     pub interval: [f64; 2],
-    /// Random walk of the bias, per s√Hz, and the lower end of its interval; only where the rests can show one and do.
+    /// Random walk K of the bias, per s√Hz, and the lower end of its interval; only if the rests are able to show one
+    /// and do.
     pub random_walk: Option<(f64, f64)>,
-    /// Upper end of the interval of the random walk; absent where the rests are too short to bound it.
+    /// Upper end of the interval of the random walk; absent if the rests are too short to bound it.
     pub random_walk_high: Option<f64>,
 }
 
-/// Octaves of shorter τ, in seconds, show the sensor's filter rather than its noise.
+/// Shortest τ that is used, s: shorter octaves show the sensor's filter rather than its noise.
 const LEAST_TAU: f64 = 0.2;
-/// By which the degrees of freedom of the octaves are divided: white noise, random walk.
+/// Divisors of the degrees of freedom of overlapping octaves: white noise, random walk.
 const OVERLAP: [f64; 2] = [1.5, 2.5];
 /// Half of the 95 % quantile of χ² with one degree of freedom.
 const PROFILE: f64 = 1.92;
-/// From this multiple of τx = √3 N/K on a rest can show a random walk …
+/// A random walk can show if the shortest rest is at least this multiple of τx = √3 N/K …
 const LEAST_REST: f64 = 1.5;
-/// … and from this one on all of them together.
+/// … and all rests together are at least this one.
 const LEAST_TOTAL: f64 = 16.0;
-/// Hypotheses K²/N² are spread from 1e-9 to 1e3 /s², so many in a decade.
+/// Hypotheses K²/N² range from 1e-9 to 1e3 /s², with this many in a decade.
 const PER_DECADE: usize = 24;
 const LOWEST: f64 = -9.0;
 const DECADES: usize = 12;
 
-/// Noise of the three axes; nothing before a rest was long enough for one octave.
+/// Noise of the three axes; `None` until a rest is long enough for one octave.
 pub fn noise_densities(sums: &AllanSums) -> Option<[NoiseDensity; 3]> {
     let period = sums.period()?;
     let all = Hypotheses::of(&sums.all, period)?;
@@ -50,7 +52,7 @@ pub fn noise_densities(sums: &AllanSums) -> Option<[NoiseDensity; 3]> {
                     fit.random_walk_high.is_some_and(|walk| can_show(&sums.lasting, period, fit.density, walk))
                 }),
                 random_walk_high: fit.random_walk_high.or(of_all.random_walk_high),
-                // More rests say more of the white noise.
+                // All rests together say more about the white noise.
                 ..of_all
             },
         });
@@ -58,20 +60,20 @@ pub fn noise_densities(sums: &AllanSums) -> Option<[NoiseDensity; 3]> {
     axes.try_into().ok()
 }
 
-/// Whether rests like these can show a random walk K beside a density N: asked of the largest K that is likely.
+/// Whether such rests can show a random walk K beside a density N; to be asked with the largest likely K.
 fn can_show(rests: &Octaves, period: f64, density: f64, walk: f64) -> bool {
     let crossing = 3_f64.sqrt() * density / walk;
     rests.shortest >= LEAST_REST * crossing && rests.samples as f64 * period >= LEAST_TOTAL * crossing
 }
 
-/// The octaves, and what each hypothesis κ = K²/N² expects of them.
+/// Octaves, and what each hypothesis κ = K²/N² expects of them.
 struct Hypotheses {
     ratios: Vec<f64>,
-    /// By hypothesis and octave: expected variance over N², its logarithm, degrees of freedom.
+    /// Expectations by hypothesis and octave: variance over N², its logarithm, degrees of freedom.
     expected: Vec<Vec<(f64, f64, f64)>>,
     /// Allan variances by octave.
     variances: Vec<[f64; 3]>,
-    /// Degrees of freedom of the octaves if all of the noise is white.
+    /// Degrees of freedom of the octaves if all noise is white.
     white: Vec<f64>,
 }
 
@@ -106,11 +108,11 @@ impl Hypotheses {
         })
     }
 
-    /// The most likely hypothesis and those that are nearly as likely. Nothing where an axis shows no noise.
+    /// Fits the most likely hypothesis and the interval of nearly as likely ones; `None` if an axis shows no noise.
     fn fit(&self, axis: usize) -> Option<NoiseDensity> {
         let mut freedom = self.white.clone();
         let (mut scores, mut densities, mut best) = (Vec::new(), Vec::new(), 0);
-        // The degrees of freedom are those of the best hypothesis, which depends on them in turn.
+        // The degrees of freedom depend on the best hypothesis, which depends on them in turn.
         for _ in 0..3 {
             let total: f64 = freedom.iter().sum();
             (scores, densities) = self
@@ -135,7 +137,7 @@ impl Hypotheses {
         if !(density > 0.0 && density.is_finite()) {
             return None;
         }
-        // Beside the ratio of the two, the level of both has an error of its own.
+        // Besides the ratio of the two, their common level has an error of its own.
         let relative = 1.96 / (2.0 * freedom.iter().sum::<f64>()).sqrt();
         let lowest = likely().map(|i| densities[i]).fold(f64::INFINITY, f64::min).sqrt();
         let highest = likely().map(|i| densities[i]).fold(0.0, f64::max).sqrt();
@@ -156,7 +158,7 @@ mod tests {
 
     use super::*;
 
-    /// Gyroscope noise at 10 Hz, in rests of so many seconds: N = 8.7e-5 rad/s/√Hz and a random walk.
+    /// Gyroscope noise at 10 Hz, in rests of `seconds`: N = 8.7e-5 rad/s/√Hz and a random walk.
     fn rests(seed: u64, seconds: f64, count: usize, walk: f64) -> AllanSums {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -178,7 +180,7 @@ mod tests {
     const DENSITY: f64 = 8.7e-5;
     const WALK: f64 = 4e-6;
 
-    /// Shares of axes that claim a random walk, whose N is inside its interval, and whose K is below its bound.
+    /// Shares of axes that report a random walk, whose N is inside its interval, and whose K is below its bound.
     fn shares(seeds: std::ops::Range<u64>, seconds: f64, count: usize, walk: f64) -> [f64; 3] {
         let (mut claimed, mut inside, mut below, mut all) = (0, 0, 0, 0);
         for seed in seeds {
@@ -208,7 +210,7 @@ mod tests {
             [(120.0, 1, 0.0), (600.0, 1, 0.0), (60.0, 40, 0.0), (120.0, 1, WALK), (5.0, 40, WALK)]
         {
             let [claimed, inside, below] = shares(100..140, seconds, count, walk);
-            // Of a random walk that is there, 120 s show one axis in ten.
+            // An existing random walk shows in one axis in ten after 120 s.
             let most = if walk > 0.0 { 0.15 } else { 0.03 };
             assert!(claimed <= most && inside >= 0.85 && below >= 0.9, "{seconds} {walk}: {claimed} {inside} {below}");
         }

@@ -1,10 +1,10 @@
-//! A triad beside a reference that knows the true specific force and angular rate, in motion as at rest: normal equations
-//! in constant memory, and the estimate that they hold. Bringing both to one instant is left to
-//! [`TimeInterpolation`](super::TimeInterpolation).
+//! Calibration of a triad beside a reference of true specific force and angular rate, in motion and at rest: normal
+//! equations in constant memory, and their solution. [`TimeInterpolation`](super::TimeInterpolation) aligns the two in
+//! time.
 //!
-//! One Gram matrix holds every regressor that any model has a term for, so that one pass serves all of them. Sums are
-//! kept in spans of the recording, all of one length, which doubles when there are too many: what is left over is seldom
-//! white, and how it sums up in each span says by how much.
+//! One Gram matrix holds the regressors of all models, so that one pass serves them all. Sums are kept in spans of
+//! equal length, which doubles when there are too many. Residuals are seldom white; how they add up within each span
+//! shows by how much they are not.
 
 use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
@@ -15,18 +15,18 @@ use super::linear_system::Limits;
 use super::lsqlin::lsqlin;
 use super::parameterisation::{Parameterisation, Term, Truth};
 
-/// Regressors: one, the own quantity, the other one, its squares.
+/// Number of regressors: one, the own quantity, the other quantity, its squares.
 const REGRESSORS: usize = 10;
-/// So many spans are kept.
+/// Largest number of spans.
 const SPANS: usize = 32;
-/// Samples in a span, to begin with.
+/// Initial number of samples in a span.
 const FIRST_SPAN: u64 = 64;
 
 /// Sums over all samples of one triad.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NormalEquations {
     spans: Vec<Span>,
-    /// Samples that a span holds.
+    /// Number of samples in a span.
     length: u64,
 }
 
@@ -35,7 +35,7 @@ pub struct NormalEquations {
 struct Span {
     samples: u64,
     gram: SMatrix<f64, REGRESSORS, REGRESSORS>,
-    /// Of regressors and readings.
+    /// Products of regressors and readings.
     products: SMatrix<f64, REGRESSORS, 3>,
     squares: Vector3<f64>,
 }
@@ -47,7 +47,7 @@ impl Default for NormalEquations {
 }
 
 impl NormalEquations {
-    /// Takes a reading and what there was to read.
+    /// Adds a reading and its true value.
     pub fn push(&mut self, measured: &Vector3<f64>, truth: &Truth) {
         if self.spans.last().is_none_or(|span| span.samples >= self.length) {
             if self.spans.len() == SPANS {
@@ -63,12 +63,12 @@ impl NormalEquations {
         span.squares += measured.component_mul(measured);
     }
 
-    /// Samples taken.
+    /// Number of samples.
     pub fn samples(&self) -> u64 {
         self.spans.iter().map(|span| span.samples).sum()
     }
 
-    /// Two spans become one.
+    /// Merges spans in pairs.
     fn halve(&mut self) {
         self.length *= 2;
         for i in 0..SPANS / 2 {
@@ -79,10 +79,10 @@ impl NormalEquations {
         self.spans.truncate(SPANS / 2);
     }
 
-    /// The parameters of a shape. What is left over may have an rms of `most`.
+    /// Solves for the parameters of a shape. The residuals may have an rms of `most`.
     ///
     /// # Errors
-    /// If the motion does not determine them, or the solver fails.
+    /// If the motion does not determine the parameters, or the solver fails.
     pub fn solve(&self, shape: Parameterisation, (low, high): &Limits, most: f64) -> Result<Estimate, Error> {
         let mut whole = Span::default();
         self.spans.iter().for_each(|span| whole.add(span));
@@ -105,7 +105,7 @@ impl NormalEquations {
         };
         let (mut squares, mut agreement) = (0.0, 0.0);
         for axis in 0..3 {
-            // Terms act on one axis each, so the three are solved one by one.
+            // Each term acts on one axis, so the axes are solved one by one.
             let places: Vec<usize> = (0..unknowns).filter(|&i| shape.terms()[i].axis() == axis).collect();
             let columns: Vec<usize> = places.iter().map(|&i| column(shape.terms()[i])).collect();
             let bound = |limits: &DVector<f64>| DVector::from_iterator(places.len(), places.iter().map(|&i| limits[i]));
@@ -123,8 +123,8 @@ impl NormalEquations {
 
             let variance = left / freedom.max(1.0);
             let inverse = line.gram.clone().try_inverse().ok_or(Error::Singular(solution.condition()))?;
-            // Were what is left over white, each span's score would have the variance that its Gram matrix says; what it has
-            // more is correlation, and counts like fewer samples.
+            // For white residuals, the score of each span has the variance that its Gram matrix implies; any excess is
+            // correlation, and counts like fewer samples.
             let scores = self.spans.iter().map(|span| {
                 let line = AxisEquations::of(span, axis, &columns, fixed);
                 let score = &line.products - &line.gram * &solution.x;
@@ -144,7 +144,7 @@ impl NormalEquations {
         }
         estimate.active.sort_unstable();
         estimate.residual_rms = (squares / (3 * whole.samples.max(1)) as f64).sqrt();
-        // What is compared with it depends on it as a whole.
+        // A triad compared with this one depends on it as a whole.
         let systematic = estimate.covariance.clone();
         estimate.origin = Some(Origin { systematic, influence: Vec::new(), between: [0.0; 3] });
         estimate.chi2_per_dof = (self.spans.len() > 2).then_some(agreement);
@@ -161,7 +161,7 @@ impl Span {
     }
 }
 
-/// The normal equations of one axis in the columns of a shape.
+/// Normal equations of one axis in the columns of a shape.
 struct AxisEquations {
     gram: DMatrix<f64>,
     products: DVector<f64>,
@@ -169,7 +169,7 @@ struct AxisEquations {
 }
 
 impl AxisEquations {
-    /// Where the own sensitivity is none of the unknowns it is one, and its column moves to the other side.
+    /// Selects the equations; an own sensitivity that is not unknown is one, and its column moves to the other side.
     fn of(span: &Span, axis: usize, columns: &[usize], fixed: Option<usize>) -> Self {
         let (products, gram) = (&span.products, &span.gram);
         let known = |row: usize| fixed.map_or(0.0, |fixed| gram[(row, fixed)]);
@@ -181,7 +181,7 @@ impl AxisEquations {
         }
     }
 
-    /// Sum of the squares that parameters leave over.
+    /// Sum of the squared residuals for given parameters.
     fn left_over(&self, x: &DVector<f64>) -> f64 {
         self.squares - 2.0 * x.dot(&self.products) + x.dot(&(&self.gram * x))
     }
@@ -203,7 +203,7 @@ fn regressors(truth: &Truth) -> SMatrix<f64, REGRESSORS, 1> {
     ])
 }
 
-/// Where a term's regressor stands.
+/// Column of a term's regressor.
 fn column(term: Term) -> usize {
     match term {
         Term::Bias(_) => 0,
@@ -243,7 +243,7 @@ mod tests {
             .collect()
     }
 
-    /// However many spans there were, the sums are those of all samples: the solution is that of all equations at once.
+    /// However many spans there were, the solution is that of all equations at once.
     #[test]
     fn normal_equations_say_what_all_equations_say() {
         let readings = readings(5000);
@@ -274,7 +274,7 @@ mod tests {
         let shape = Parameterisation::FULL_GYROSCOPE;
         let bounds = Bounds::default();
         let found = sums.solve(shape, &limits(shape, |term| bounds.gyroscope(term)), 1.0);
-        // The bounds of the configuration are tighter than this sensor: that is said, too.
+        // The configured bounds are tighter than this sensor, which is reported, too.
         assert!(!found.unwrap().active.is_empty());
         let wide = limits(shape, |_| [f64::NEG_INFINITY, f64::INFINITY]);
         let found = sums.solve(shape, &wide, 1.0).unwrap();

@@ -1,9 +1,9 @@
-//! The placement that contradicts the others, if there is one. What becomes of it is left to the caller.
+//! Outlier test: the placement that contradicts the others, if there is one.
 //!
-//! Each placement is held against the fit of all others: its residual over the standard deviation that the others show
-//! (externally studentised). Two readings of one face that differ are equally far off each other, and any bias and scale
-//! explains either; what then speaks for one of them is how askew the sensor would have had to lie on every other face.
-//! That is worth only so much, since a table that is not level does the same.
+//! Each placement is compared with the fit of all others: its residual over the standard deviation that the others show
+//! (externally studentised). Two readings of one face that differ are equally far from each other, and some bias and
+//! scale explain either. Then the tilts decide: how far from level the sensor would have to lie on every other face.
+//! This evidence is limited, because a table that is not level has the same effect.
 
 use nalgebra::DVector;
 
@@ -14,25 +14,25 @@ use super::estimate::Estimate;
 use super::linear_system::{LinearSystem, limits};
 use super::parameterisation::Parameterisation;
 
-/// A placement that the others contradict.
+/// Placement that contradicts the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contradiction {
-    /// Its place among the observations.
+    /// Index among the observations.
     pub index: usize,
-    /// How much longer its specific force is than gravity by what the others say, m/s².
+    /// Excess of its specific force over gravity by the fit of the others, m/s².
     pub off: f64,
-    /// The most that is excused, m/s².
+    /// Largest excess that is accepted, m/s².
     pub limit: f64,
-    /// Another that may be the wrong one instead, as far as the placements tell.
+    /// Another placement that may be the wrong one instead.
     pub rival: Option<Rival>,
 }
 
-/// The other of two that cannot both be right.
+/// Second of two placements that cannot both be right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
-    /// Its place among the observations.
+    /// Index among the observations.
     pub index: usize,
-    /// What leaving it out, and keeping the first, would add to the parameters.
+    /// Change of the parameters if this one is left out instead of the first.
     pub moved: DVector<f64>,
 }
 
@@ -40,16 +40,16 @@ struct Candidate {
     index: usize,
     off: f64,
     limit: f64,
-    /// Logarithms of the likelihood of all others: of the lengths that they read, and of how askew they lie.
+    /// Log-likelihoods of the others: of the lengths of their readings, and of their tilts.
     lengths: f64,
     evenness: f64,
-    /// The parameters without it.
+    /// Parameters without this placement.
     parameters: DVector<f64>,
 }
 
-/// So much likelier, in units of the logarithm, must one culprit be than another to be the only one: e^4.5 is 90.
+/// Least lead in log-likelihood that makes one culprit the only one: e^4.5 is 90.
 const DECISIVE: f64 = 4.5;
-/// Tables are level to about half a degree, as a share of gravity.
+/// Level error of tables, as a share of gravity: about half a degree.
 const LEVEL: f64 = 0.0087;
 
 impl Candidate {
@@ -57,7 +57,7 @@ impl Candidate {
         self.lengths + self.evenness
     }
 
-    /// How much likelier this culprit is than another.
+    /// Log-likelihood ratio of this culprit over another.
     fn lead(&self, other: &Self, gravity: f64) -> f64 {
         let shift = (&self.parameters - &other.parameters).rows(0, 3).norm() / (LEVEL * gravity);
         let most = 0.5 * shift * shift;
@@ -65,7 +65,7 @@ impl Candidate {
     }
 }
 
-/// The likeliest culprit among those placements that can be spared. Bounds are not minded.
+/// Finds the likeliest culprit among the placements that can be spared. Bounds are ignored.
 pub fn contradiction(
     observations: &[Observation],
     given: &Assumptions<'_>,
@@ -87,7 +87,7 @@ pub fn contradiction(
     let gain = solved.gain();
     let squares = solved.left.norm_squared();
     let trust = trust(freedom);
-    // As rare as one in some ten thousand, by Student's quantiles.
+    // Student's quantile at about one in ten thousand.
     let most = 4.3 + 30.0 / (freedom + trust);
     let candidate = |(index, line): (usize, &MagnitudeEquation)| {
         let left = solved.left[index];
@@ -96,7 +96,7 @@ pub fn contradiction(
             return None;
         }
         let of_others = squares - left * left / own;
-        // Less scatter than is assumed is luck.
+        // Less scatter than assumed is luck.
         let spread = ((of_others + trust) / (freedom + trust)).max(1.0);
         let deviation = left.abs() / (own * spread).sqrt();
         let unit = (line.by_measured.norm_squared() * assumed + line.noise).sqrt();
@@ -125,13 +125,13 @@ pub fn contradiction(
     })
 }
 
-/// How many degrees of freedom the assumed scatter is worth beside so many of the data.
+/// Degrees of freedom that the assumed scatter is worth beside those of the data.
 fn trust(freedom: f64) -> f64 {
     12.0 * (1.0 - freedom / 4.0).max(0.0).powi(2)
 }
 
-/// Logarithm of the likelihood of the tilts that the others have by these parameters, their scatter being unknown; zero for
-/// a model that takes any direction.
+/// Log-likelihood of the tilts of the others by these parameters, with unknown scatter; zero for a model that takes any
+/// direction.
 fn evenness(observations: &[Observation], given: &Assumptions<'_>, without: usize, parameters: &DVector<f64>) -> f64 {
     if given.shape == Parameterisation::TRIANGULAR {
         return 0.0;
@@ -158,7 +158,7 @@ mod tests {
 
     const G: f64 = 9.80665;
 
-    /// Each face so often, put down within so many degrees, and what is found when the first is off by 0.3 m/s².
+    /// Result for placements on each face, `visits` times within `tilt_deg`, of which the first is off by `off` (m/s²).
     fn found(seed: u64, visits: usize, tilt_deg: f64, off: f64) -> Option<Contradiction> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = |std: f64| Vector3::from_fn(|_, _| std * random.sample::<f64, _>(StandardNormal));

@@ -1,52 +1,51 @@
-//! What a measurement model leaves unknown: the one description that every design matrix, bound and name follows from.
-//! Solving for the unknowns is left to [`LinearSystem`](super::LinearSystem).
+//! Unknowns of a measurement model: the one description that every design matrix, bound and name follows from.
 //!
-//! A triad reads `measured = bias + S · own + C · other + q ∘ other²`: `own` is the quantity that it is made for,
-//! `other` that of the sensor beside it (the rate for an accelerometer, specific force for a gyroscope), with q for a
-//! gyroscope alone. Every model is linear in what it leaves unknown.
+//! A triad reads `measured = bias + S · own + C · other + q ∘ other²`: `own` is the quantity that it measures, `other`
+//! that of the sensor beside it (angular rate for an accelerometer, specific force for a gyroscope); only a gyroscope
+//! has q. Every model is linear in its unknowns.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::calibration::Calibration;
 
-/// What there was to read.
+/// True quantities at a reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Truth {
-    /// In the unit of the triad.
+    /// Own quantity, in the unit of the triad.
     pub own: Vector3<f64>,
-    /// In the unit of the other sensor.
+    /// Other quantity, in the unit of the other sensor.
     pub other: Vector3<f64>,
 }
 
 impl Truth {
-    /// At rest there is nothing for the other sensor of an accelerometer.
+    /// Truth without the other quantity, as of an accelerometer at rest.
     pub fn of(own: Vector3<f64>) -> Self {
         Self { own, ..Self::default() }
     }
 }
 
-/// One parameter of a triad: what an axis makes of the truth is the sum over its terms.
+/// One parameter of a triad; the reading of an axis is the sum over its terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Term {
     /// Bias of an axis, in the unit of the triad.
     Bias(usize),
     /// Entry of S, by row and column, dimensionless.
     Own(usize, usize),
-    /// Entry of C, by row and column: sensitivity to the other sensor's quantity.
+    /// Entry of C, by row and column: sensitivity to the other quantity.
     Other(usize, usize),
     /// Sensitivity of an axis to the square of the other quantity along it.
     Square(usize),
 }
 
 impl Term {
-    /// The axis whose reading it is part of.
+    /// Axis whose reading the parameter is part of.
     pub fn axis(self) -> usize {
         match self {
             Self::Bias(axis) | Self::Own(axis, _) | Self::Other(axis, _) | Self::Square(axis) => axis,
         }
     }
 
-    /// What people call the parameter.
+    /// Name of the parameter in texts.
     pub fn name(self) -> String {
         let axis = |i: usize| ["x", "y", "z"].get(i).copied().unwrap_or("?");
         match self {
@@ -57,7 +56,7 @@ impl Term {
         }
     }
 
-    /// What the parameter is multiplied with.
+    /// Regressor: the factor of the parameter in a reading.
     pub fn regressor(self, truth: &Truth) -> f64 {
         match self {
             Self::Bias(_) => 1.0,
@@ -68,8 +67,8 @@ impl Term {
     }
 }
 
-/// The parameters that a measurement model leaves free, in the order of the parameter vector: the biases, the entries of
-/// S row by row, those of C row by row, the squares. What is not free is that of a perfect sensor.
+/// Free parameters of a measurement model, in the order of the parameter vector: biases, entries of S row by row,
+/// entries of C row by row, squares. All other parameters are those of a perfect sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameterisation(&'static [Term]);
 
@@ -86,30 +85,30 @@ impl Parameterisation {
         Bias(0), Bias(1), Bias(2),
         Own(0, 0), Own(1, 0), Own(1, 1), Own(2, 0), Own(2, 1), Own(2, 2),
     ]);
-    /// Bias and all of S: twelve unknowns (an accelerometer in the thesis' simplified model 1).
+    /// Bias and full S: twelve unknowns (an accelerometer in the thesis' simplified model 1).
     #[rustfmt::skip]
     pub const MATRIX: Self = Self(&[
         Bias(0), Bias(1), Bias(2),
         Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
     ]);
-    /// What a gyroscope shows at rest: bias, g-sensitivity and the square on its own axis, fifteen unknowns (a gyroscope in
-    /// the thesis' simplified model 1).
+    /// Gyroscope at rest: bias, g-sensitivity and the square of specific force along each axis, fifteen unknowns (a
+    /// gyroscope in the thesis' simplified model 1).
     #[rustfmt::skip]
     pub const GYROSCOPE_AT_REST: Self = Self(&[
         Bias(0), Bias(1), Bias(2),
         Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
         Square(0), Square(1), Square(2),
     ]);
-    /// An accelerometer in the thesis' full model: 21 unknowns.
+    /// Accelerometer in the thesis' full model: 21 unknowns.
     #[rustfmt::skip]
     pub const FULL_ACCELEROMETER: Self = Self(&[
         Bias(0), Bias(1), Bias(2),
         Own(0, 0), Own(0, 1), Own(0, 2), Own(1, 0), Own(1, 1), Own(1, 2), Own(2, 0), Own(2, 1), Own(2, 2),
         Other(0, 0), Other(0, 1), Other(0, 2), Other(1, 0), Other(1, 1), Other(1, 2), Other(2, 0), Other(2, 1), Other(2, 2),
     ]);
-    /// A gyroscope by the turns between rests: bias, all of S, and what specific force adds, 21 unknowns.
+    /// Gyroscope from the turns between rests: bias, full S and g-sensitivity, 21 unknowns.
     pub const GYROSCOPE_BY_TURNS: Self = Self::FULL_ACCELEROMETER;
-    /// A gyroscope in the thesis' full model: 24 unknowns.
+    /// Gyroscope in the thesis' full model: 24 unknowns.
     #[rustfmt::skip]
     pub const FULL_GYROSCOPE: Self = Self(&[
         Bias(0), Bias(1), Bias(2),
@@ -118,7 +117,7 @@ impl Parameterisation {
         Square(0), Square(1), Square(2),
     ]);
 
-    /// What the configuration calls the model of an accelerometer.
+    /// Name of an accelerometer's model in the configuration.
     pub fn name(self) -> &'static str {
         match self {
             Self::DIAGONAL => "bias-scale",
@@ -128,7 +127,7 @@ impl Parameterisation {
         }
     }
 
-    /// The free parameters.
+    /// Free parameters in order.
     pub fn terms(self) -> &'static [Term] {
         self.0
     }
@@ -143,14 +142,14 @@ impl Parameterisation {
         self.0.contains(&term)
     }
 
-    /// The entries of S that the model ignores: those off a diagonal S. A triangular S ignores none, since the others only
-    /// say how the frame is turned.
+    /// Entries of S that the model leaves out: those off a diagonal S. A triangular S leaves none out, since the others
+    /// only rotate the frame.
     pub fn unmodelled(self) -> impl Iterator<Item = Term> + Clone {
         let ignored = self == Self::DIAGONAL;
         (0..9).map(|k| Own(k / 3, k % 3)).filter(move |&term| ignored && !self.has(term))
     }
 
-    /// The parameter vector of a calibration.
+    /// Parameter vector of a calibration.
     pub fn vector(self, calibration: &Calibration) -> DVector<f64> {
         let value = |term: &Term| match *term {
             Bias(axis) => calibration.bias[axis],
@@ -173,7 +172,7 @@ impl Parameterisation {
         calibration
     }
 
-    /// Sensitivity to the other sensor, C; `None` where the model has none.
+    /// Sensitivity C to the other quantity; `None` if the model has none.
     pub fn cross(self, parameters: &DVector<f64>) -> Option<Matrix3<f64>> {
         let mut cross = None;
         for (&term, &value) in self.0.iter().zip(parameters) {
@@ -184,7 +183,7 @@ impl Parameterisation {
         cross
     }
 
-    /// Sensitivity of each axis to the square of the other quantity along it; `None` where the model has none.
+    /// Sensitivity of each axis to the square of the other quantity along it; `None` if the model has none.
     pub fn squares(self, parameters: &DVector<f64>) -> Option<Vector3<f64>> {
         let mut squares = None;
         for (&term, &value) in self.0.iter().zip(parameters) {
@@ -195,7 +194,7 @@ impl Parameterisation {
         squares
     }
 
-    /// ∂measured/∂parameters at a truth: 3 × unknowns.
+    /// Jacobian ∂measured/∂parameters at a truth: 3 × unknowns.
     pub fn jacobian(self, truth: &Truth) -> DMatrix<f64> {
         let mut jacobian = DMatrix::zeros(3, self.unknowns());
         for (k, term) in self.0.iter().enumerate() {

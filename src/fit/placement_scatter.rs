@@ -1,68 +1,68 @@
-//! How far placements scatter beyond what noise explains, and what that leaves of any estimate's certainty. Which
-//! equations tell of it is left to the fits, and what these leave over to [`ResidualBlock`].
+//! Scatter of placements beyond what noise explains, and its effect on the uncertainty of an estimate.
 //!
-//! Random effects: what an equation leaves over is `design · δx + leaks · c + placement + noise`. Placements scatter with
-//! a variance τ² that nobody knows, noise with one that is known, and the leaks c (the cross-axis sensitivities that the
-//! model has no word for) are constants of the sensor, drawn once from what is assumed of them. The equations are weighted
-//! with the τ² that makes the weighted squares that are left over as many as their degrees of freedom (Paule & Mandel 1982).
+//! Random effects: a residual is `design · δx + leaks · c + placement + noise`. Placements scatter with an unknown
+//! variance τ², noise with a known one. The leaks c (cross-axis sensitivities that the model does not estimate) are
+//! constants of the sensor, drawn once from their assumed distribution. The equations are weighted with the τ² at which
+//! the weighted sum of squared residuals equals its degrees of freedom (Paule & Mandel 1982).
 //!
-//! How sure that is says the posterior of τ², which cannot be less than nothing: where noise dominates, squares that are
-//! few by chance do not make noise smaller than it is, and squares that are many need not be placements. A level of τ is as
-//! likely before as any other of the same order of magnitude, and all those far below what is assumed are alike (a prior
-//! uniform in ln(1 + τ/c)). An interval is Student's, with the degrees of freedom that a variance of this mean and this
-//! uncertainty has (Satterthwaite 1946): where placements dominate those of the squares, where noise or leaks do ever more.
+//! The uncertainty of τ² comes from its posterior, which cannot be negative: where noise dominates, squares that are
+//! small by chance do not make noise smaller than it is, and large squares need not come from placements. A priori
+//! every order of magnitude of τ is equally likely, and all values far below the assumed one are alike (a prior uniform
+//! in ln(1 + τ/c)). An interval is Student's, with the degrees of freedom of a variance with this mean and uncertainty
+//! (Satterthwaite 1946): those of the squares where placements dominate, ever more where noise or leaks do.
 //!
-//! What is assumed of τ is taken at its word while the data say nothing of it: without redundancy, and where it would
-//! drown in noise. As they come to speak, the assumption counts as ever fewer degrees of freedom, and is forgotten once
-//! they have four: a scatter of a third of what was assumed would otherwise drown in it.
+//! The assumed τ is trusted while the data say nothing about it: without redundancy, or where it would drown in noise.
+//! As data come in, the assumption counts as ever fewer degrees of freedom, and as none once they have four; otherwise
+//! a scatter of a third of the assumed one would drown in it.
 
 use super::residual_block::{Left, ResidualBlock, typical_noise};
 use super::student_t::{NORMAL_95, NORMAL_999, student_95, student_999};
 
-/// What is assumed before the data speak, as standard deviations.
+/// Prior assumptions, as standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub struct Assumed {
-    /// Of placements.
+    /// Scatter of placements.
     pub placement: f64,
-    /// Of each leak.
+    /// Size of each leak.
     pub leak: f64,
 }
 
-/// What is known of the variance between placements.
+/// Knowledge of the variance between placements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacementScatter {
-    /// The variance to weight with.
+    /// Variance for the weights.
     typical: f64,
-    /// Its mean, and the variance of it: what is not known of it.
+    /// Posterior mean of the variance, and the posterior variance of it.
     mean: f64,
     doubt: f64,
-    /// Variance of an estimate like the one to weight with.
+    /// Variance of an estimate like `typical`.
     spread: f64,
-    /// What noise adds to it in a typical equation.
+    /// Noise variance of a typical equation.
     noise: f64,
-    /// Weighted sum of squares of what is left over, at what was assumed, and the degrees of freedom of that.
+    /// Weighted sum of squared residuals at the assumed scatter, and its degrees of freedom.
     squares: f64,
     freedom: f64,
 }
 
-/// From so many degrees of freedom on the data speak alone.
+/// Degrees of freedom from which on the data alone count.
 const ENOUGH: f64 = 4.0;
-/// What is assumed is worth as many beside half of that.
+/// Degrees of freedom that the assumption is worth when the data have half of [`ENOUGH`].
 const TRUST: f64 = 20.0;
-/// A τ of this share of what is assumed, of half of what noise may hide, and anything less, is small.
+/// A τ counts as small below this share of the assumed one and of five standard deviations of noise (half of what noise
+/// may hide), added in quadrature.
 const SMALL: f64 = 0.1;
 
 impl PlacementScatter {
-    /// What is assumed, and nothing else.
+    /// Scatter as assumed, without data.
     pub fn assumed(std: f64) -> Self {
         let variance = std * std;
         Self { typical: variance, mean: variance, doubt: 0.0, spread: 0.0, noise: 0.0, squares: 0.0, freedom: 0.0 }
     }
 
-    /// What the equations tell of it.
+    /// Learns the scatter from the equations.
     pub fn learn(blocks: &[ResidualBlock], assumed: Assumed) -> Self {
         const ROUNDS: usize = 30;
-        /// Of the variance: a hundredth of its uncertainty, or less.
+        /// Relative step of the variance at convergence: a hundredth of its uncertainty, or less.
         const NEAR: f64 = 1e-3;
         let prior = assumed.placement * assumed.placement;
         let left_over = |between: f64| -> Option<Left> {
@@ -77,16 +77,16 @@ impl PlacementScatter {
         };
         let at_word = Self::assumed(assumed.placement);
         let Some(first) = left_over(prior) else { return at_word };
-        // Rounding may leave a crumb of a degree.
+        // Rounding may leave a tiny fraction of a degree of freedom.
         if first.freedom < 0.01 {
             return at_word;
         }
-        // Everything is thought of in terms of the variance of a typical equation, of which noise is the least.
+        // In terms of the variance of a typical equation, which is at least that of noise.
         let noise = typical_noise(blocks);
         let (mut variance, mut left) = (noise + prior, first);
         let mut trusted = 0.0;
         for _ in 0..ROUNDS {
-            // Of the degrees of freedom those count that noise leaves to the placements.
+            // Only the degrees of freedom that noise leaves to the placements count.
             let share = (variance - noise).max(prior) / variance.max(noise + prior);
             trusted = trust(left.freedom * share);
             let times = (left.squares + trusted * (noise + prior) / variance) / (left.freedom + trusted);
@@ -113,60 +113,60 @@ impl PlacementScatter {
         Self { typical: variance - noise, mean, doubt, spread, noise, squares: first.squares, freedom: first.freedom }
     }
 
-    /// The variance between placements, to weight equations with.
+    /// Variance between placements, for the weights of equations.
     pub fn typical(&self) -> f64 {
         self.typical
     }
 
-    /// Weighted sum of squares of what the equations left over, at what was assumed of the scatter.
+    /// Weighted sum of squared residuals at the assumed scatter.
     pub fn squares(&self) -> f64 {
         self.squares
     }
 
-    /// The degrees of freedom of that; zero without redundancy.
+    /// Degrees of freedom of [`squares`](Self::squares); zero without redundancy.
     pub fn freedom(&self) -> f64 {
         self.freedom
     }
 
-    /// The variance of an estimate of the variance between placements.
+    /// Variance of an estimate of the variance between placements.
     pub fn spread(&self) -> f64 {
         self.spread
     }
 
-    /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them hold 95 % of its errors at the
-    /// least and 3.29 of them 99.9 %; `rest` was estimated with a variance of `spread`.
+    /// Standard deviation of an error of variance `gain · τ² + rest`, such that 1.96 of them hold at least 95 % of its
+    /// errors and 3.29 of them 99.9 %; `spread` is the variance with which `rest` was estimated.
     pub fn std(&self, gain: f64, rest: f64, spread: f64) -> f64 {
         let (mean, doubt) = (gain * self.mean + rest, gain * gain * self.doubt);
         if !(mean > 0.0 && mean.is_finite()) {
             return mean.max(0.0).sqrt();
         }
-        // An inverse χ² that has this mean and variance has so many degrees of freedom, and an error whose variance it is
-        // is Student's. The inverses of such degrees add up.
+        // Degrees of freedom of an inverse χ² with this mean and variance; an error with such a variance is Student's.
+        // The inverses of the degrees of freedom add up.
         let fewer = doubt / (4.0 * doubt + 2.0 * mean * mean);
         let variance = mean * (1.0 - 2.0 * fewer);
         let fewer = fewer + spread / (4.0 * spread + 2.0 * variance * variance);
         if fewer <= 0.0 { variance.sqrt() } else { stretch(1.0 / fewer) * variance.sqrt() }
     }
 
-    /// The variance between placements such that 1.96 of its roots bound what a further one is off by.
+    /// Variance between placements of whose roots 1.96 bound the error of a further one.
     pub fn most(&self) -> f64 {
         (self.std(1.0, self.noise, 0.0).powi(2) - self.noise).max(self.typical)
     }
 }
 
-/// What is said of the variance of a typical equation: so many squares of so many independent ones.
+/// Evidence on the variance of a typical equation: the sum of so many independent squares.
 struct Said {
     squares: f64,
     freedom: f64,
 }
 
 impl Said {
-    /// Mean and variance of τ² by its posterior, where noise adds to it, and a τ below `small` is as likely as any other.
+    /// Posterior mean and variance of τ², where noise adds to it; the prior is flat for τ below `small`.
     fn of_placements(&self, noise: f64, small: f64) -> (f64, f64) {
         const LEVELS: usize = 48;
         let Self { squares, freedom } = *self;
         let middle = (squares / freedom).max(noise);
-        // Beyond this the posterior is less than e⁻¹² of its most, but where there are very few degrees of freedom.
+        // Beyond this the posterior is less than e⁻¹² of its maximum, except with very few degrees of freedom.
         let width = (48.0 / freedom).sqrt().min(3.0);
         let tau = |log_variance: f64| (libm::exp(log_variance) - noise).max(0.0).sqrt();
         let level = |tau: f64| libm::log1p(tau / small);
@@ -192,14 +192,14 @@ impl Said {
     }
 }
 
-/// By how much a standard deviation that was estimated with so many degrees of freedom is to be stretched for 1.96 of it to
-/// hold 95 %, and 3.29 of it 99.9 %, of the errors. With very few degrees the far tail says nothing of any use.
+/// Factor that stretches a standard deviation, estimated with so many degrees of freedom, until 1.96 of it hold 95 %
+/// and 3.29 of it 99.9 % of the errors. With very few degrees the far tail is of no use.
 pub(super) fn stretch(freedom: f64) -> f64 {
     const FEW: f64 = 6.0;
     (student_95(freedom) / NORMAL_95).max(student_999(freedom.max(FEW)) / NORMAL_999)
 }
 
-/// How many degrees of freedom what is assumed is worth beside so many of the data.
+/// Degrees of freedom that the assumption is worth beside those of the data.
 fn trust(freedom: f64) -> f64 {
     const MOST: f64 = 1e3;
     let over = (ENOUGH / freedom.max(f64::MIN_POSITIVE) - 1.0).max(0.0);
@@ -217,7 +217,7 @@ mod tests {
 
     const ASSUMED: Assumed = Assumed { placement: 0.01, leak: 0.0 };
 
-    /// `count` readings of one number about their mean.
+    /// Equations of `count` readings of one number about their mean.
     fn mean_of(readings: &[f64], noise: f64) -> (ResidualBlock, f64) {
         let count = readings.len();
         let mean = readings.iter().sum::<f64>() / count as f64;
@@ -231,7 +231,7 @@ mod tests {
         (block, mean)
     }
 
-    /// How many of 4000 intervals of a mean of zero hold it, in percent.
+    /// Share of 4000 intervals of a mean of zero that hold it, percent.
     fn coverage(count: usize, placement: f64, noise: f64) -> f64 {
         let mut random = ChaCha8Rng::seed_from_u64(count as u64);
         let mut normal = || random.sample::<f64, _>(StandardNormal);
@@ -273,7 +273,7 @@ mod tests {
         let readings: Vec<f64> = (0..9).map(|i| f64::from((i * 7) % 9) - 4.0).collect();
         let (block, _) = mean_of(&readings, 1e-4);
         let scatter = PlacementScatter::learn(&[block], ASSUMED);
-        // Their variance is 7.5; 5.041 is Student's quantile of 99.9 % for eight degrees of freedom.
+        // Their variance is 7.5; 5.041 is Student's 99.9 % quantile for eight degrees of freedom.
         let expected = 5.041 * 7.5_f64.sqrt();
         assert!((scatter.std(1.0, 0.0, 0.0) * NORMAL_999 / expected - 1.0).abs() < 0.003, "{expected}");
     }

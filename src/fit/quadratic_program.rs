@@ -1,5 +1,5 @@
-//! Quadratic programs with linear inequalities, by the interior-point solver clarabel. It calls a singular problem solved
-//! and invents its values, so its answers are but places to start from: checking them is left to the callers.
+//! Quadratic programs with linear inequalities, by the interior-point solver clarabel. It reports a singular problem as
+//! solved and invents its values, so its results are only starting points that the callers check.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
@@ -7,7 +7,7 @@ use nalgebra::DVector;
 
 use super::error::Error;
 
-/// Minimise ½ xᵀ Q x + cᵀ x with A x ≤ b.
+/// Quadratic program: minimise ½ xᵀ Q x + cᵀ x with A x ≤ b.
 pub(super) struct QuadraticProgram {
     quadratic: Vec<Vec<f64>>,
     linear: Vec<f64>,
@@ -16,7 +16,7 @@ pub(super) struct QuadraticProgram {
 }
 
 impl QuadraticProgram {
-    /// Without inequalities.
+    /// Creates a program without inequalities.
     pub(super) fn new(quadratic: Vec<Vec<f64>>, linear: Vec<f64>) -> Self {
         Self { quadratic, linear, constraint: Vec::new(), limit: Vec::new() }
     }
@@ -27,7 +27,8 @@ impl QuadraticProgram {
         self.limit.push(limit);
     }
 
-    /// Bounds the first unknowns, as many as there are bounds; one as far from zero as `far` is none.
+    /// Bounds the first unknowns, as many as there are bounds; a bound is ignored from a distance of `far` from zero
+    /// on.
     pub(super) fn bound(&mut self, low: &DVector<f64>, high: &DVector<f64>, far: f64) {
         for (i, (low, high)) in low.iter().zip(high).enumerate() {
             for (sign, bound) in [(1.0, *high), (-1.0, -low)] {
@@ -40,7 +41,7 @@ impl QuadraticProgram {
         }
     }
 
-    /// About where the minimum is.
+    /// Returns the approximate minimiser.
     ///
     /// # Errors
     /// If the inequalities contradict each other, or the solver gives up.

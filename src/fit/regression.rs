@@ -1,6 +1,5 @@
-//! Regression of what a triad read at rest on known truths: the gyroscope on the specific force, a secondary
-//! accelerometer on the primary, an accelerometer on an accurate fixture. Where the truths come from, and what their own
-//! uncertainty adds, is left to the callers.
+//! Regression of the readings of a triad at rest on known true values: the gyroscope on specific force, a secondary
+//! accelerometer on the primary, an accelerometer on an accurate fixture.
 
 use nalgebra::{DVector, Matrix3, Vector3};
 
@@ -14,33 +13,33 @@ use super::placement_scatter::Assumed;
 use super::reliability::{GROSS_ERROR, Reliability};
 use super::uncertainty::{Other, Sharing, Uncertainty};
 
-/// What a triad read during one placement, and what there was to read.
+/// Reading of a triad during one placement, with its true value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Mean of the raw readings.
     pub mean: Vector3<f64>,
-    /// Variance of that mean by noise alone, per axis.
+    /// Variance of that mean from noise alone, per axis.
     pub noise: Vector3<f64>,
-    /// What there was to read.
+    /// True quantities.
     pub truth: Truth,
     /// Covariance of the noise of `truth.own`.
     pub truth_noise: Matrix3<f64>,
 }
 
-/// The parameters and what they leave over.
+/// Solution of a regression, with its residuals.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
     pub(super) shape: Parameterisation,
     pub(super) solved: Solved,
     pub(super) bars: Uncertainty,
     assumed: Assumed,
-    /// What noise alone would leave.
+    /// Residual rms expected from noise alone.
     white_rms: f64,
-    /// The unknowns if no limit held them back, where one does.
+    /// Unknowns without limits, if a limit holds one of them back.
     unlimited: Option<DVector<f64>>,
 }
 
-/// Regresses readings whose placements scatter on each axis as is assumed, until they show otherwise. The equations are
+/// Regresses readings whose placements scatter on each axis as assumed, until they show otherwise. The equations are
 /// those of the readings in turn, three axes each.
 pub(super) fn regress(
     shape: Parameterisation,
@@ -62,7 +61,7 @@ pub(super) fn regress(
         }
         system.solve(limits, loss)
     };
-    // The sensitivity and the scatter that the first regression shows set the weights of the second.
+    // The sensitivity and the scatter of the first regression set the weights of the second.
     let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default(), limits)?;
     let calibration = shape.calibration(&first.solution.x);
     let bars = Uncertainty::learn(shape, &first, sharing, assumed);
@@ -80,8 +79,8 @@ pub(super) fn regress(
 }
 
 impl Regression {
-    /// As an estimate, with `other` for what the readings do not tell. A rms that neither noise nor
-    /// scatter excuse is allowed up to `allowance`.
+    /// Converts the regression to an estimate, with `other` for what the readings do not show. A residual rms that
+    /// neither noise nor scatter explains is accepted up to `allowance`.
     pub(super) fn estimate(self, other: &Other, allowance: f64) -> Estimate {
         let Self { shape, solved, bars, assumed, white_rms, unlimited } = self;
         let reliability = Reliability::of(&solved, &solved.gain(), GROSS_ERROR);
@@ -108,7 +107,7 @@ impl Regression {
     }
 }
 
-/// What a perfect sensor makes of the truth where the shape leaves nothing free.
+/// Reading of a perfect sensor, if its own sensitivity is not an unknown of the shape; otherwise zero.
 fn fixed(shape: Parameterisation, axis: usize, truth: &Truth) -> f64 {
     let diagonal = shape.has(Term::Own(axis, axis));
     if diagonal { 0.0 } else { truth.own[axis] }

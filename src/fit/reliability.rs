@@ -1,9 +1,9 @@
-//! Reliability of a fit: how far its placements check each other, and what an error of one of them could hide (Baarda,
+//! Reliability of a fit: how well its placements check each other, and what an error in one of them could hide (Baarda,
 //! "A testing procedure for use in geodetic networks", 1968).
 //!
-//! An error ∇ of one equation shows in its own residual as r ∇, with a redundancy r between none and all, and moves the
-//! unknowns by the rest. The smallest that the test of residuals finds four times in five is the minimal detectable bias
-//! ∇ = δ σ/√r; what that moves the unknowns by is what nobody would have noticed.
+//! An error ∇ of one equation shows in its own residual as r ∇, with a redundancy r from 0 to 1, and the rest moves the
+//! unknowns. The smallest error that the residual test finds four times in five is the minimal detectable bias ∇ = δ
+//! σ/√r; the shift of the unknowns by it may go undetected.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,48 +11,49 @@ use super::linear_system::Solved;
 use super::placement_scatter::stretch;
 use super::student_t::{normal_beyond, student};
 
-/// How well the placements of a fit are checked.
+/// Reliability of the placements of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reliability {
-    /// Of each equation, in their order.
+    /// Check of each equation, in order.
     pub checks: Vec<Check>,
-    /// The largest studentised residual over the one that agreement exceeds once in a thousand fits.
+    /// Largest studentised residual, relative to the critical value that is exceeded by chance once in a thousand fits.
     pub disagreement: f64,
 }
 
-/// How well one equation is checked by the others.
+/// Check of one equation by the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// Share of an error that shows in the residual, from none (0) to all of it (1).
+    /// Share of an error that shows in the residual, from 0 to 1.
     pub redundancy: f64,
-    /// By how many of its own standard deviations, which it inflates, the largest error that would not be noticed moves any
-    /// parameter at the most.
+    /// Largest shift of any parameter by the largest undetected error, in standard deviations, which that error
+    /// inflates.
     pub beyond_bars: f64,
-    /// The largest error that would not be noticed, in standard deviations.
+    /// Largest undetected error, in standard deviations.
     pub detectable: f64,
-    /// What that moves the parameters by.
+    /// Shift of the parameters by the largest undetected error.
     pub hidden: DVector<f64>,
 }
 
-/// Below this redundancy an error is seldom found before it does harm (Förstner 1987 calls 0.3 and more well checked).
+/// Least redundancy at which an error is mostly found before it does harm (Förstner 1987 calls 0.3 and more well
+/// checked).
 const CHECKED: f64 = 0.3;
-/// An error that inflates the bars so that they hold what it does is no wrong answer, in standard deviations.
+/// Largest harmless shift, in standard deviations: the bars, inflated by the error, still hold it.
 const WITHIN: f64 = 3.0;
-/// A rest that is off by more than this is no rest, m/s²: an elevator that starts, a vehicle that brakes.
+/// Largest error of a rest, m/s²: beyond it, as in a starting elevator or a braking vehicle, it is no rest.
 pub const GROSS_ERROR: f64 = 0.4;
-/// Probability with which the test of all residuals of a fit accuses an honest one.
+/// Probability that the test of all residuals of a fit accuses a correct one.
 const FALSE_ALARM: f64 = 0.001;
 /// Standard deviations beyond the critical value at which four errors in five are found.
 const POWER: f64 = 0.84;
 
 impl Reliability {
-    /// Of a solution whose weights are those of the scatter that it showed. No error is taken for larger than `gross`.
+    /// Assesses a solution whose weights come from the scatter that it showed. No error is assumed larger than `gross`.
     pub fn of(solved: &Solved, gain: &DMatrix<f64>, gross: f64) -> Self {
         let equations = solved.left.len();
         let freedom = equations as f64 - solved.design.ncols() as f64;
         let squares = solved.left.norm_squared();
         let tail = FALSE_ALARM / equations.max(1) as f64;
-        // Without the one that is tested there is a degree of freedom less.
+        // Without the tested equation there is one degree of freedom less.
         let critical = student(freedom - 1.0, tail, normal_beyond(tail / 2.0));
         let detectable = critical + POWER;
         let inflation = (1.0 + (detectable * detectable - 1.0) / freedom.max(1.0)).sqrt() * stretch(freedom.max(1.0));
@@ -62,7 +63,8 @@ impl Reliability {
             let redundancy = (1.0 - leverage).clamp(0.0, 1.0);
             if redundancy > 1e-6 && freedom > 1.5 {
                 let squared = solved.left[i] * solved.left[i] / redundancy;
-                // The scatter without this one (Pope 1976 told the other way round).
+                // Scatter without this equation (equivalent to the test of Pope 1976, in its externally studentised
+                // form).
                 let others = ((squares - squared) / (freedom - 1.0)).max(1e-12);
                 disagreement = disagreement.max((squared / others).sqrt() / critical);
             }
@@ -73,7 +75,7 @@ impl Reliability {
         Self { checks: checks.collect(), disagreement }
     }
 
-    /// The same placements are checked by more than this fit was made of.
+    /// Takes the checks of a fit with more equations, of which the same placements are part.
     pub fn checked_by(&mut self, more: &Self) {
         for (own, other) in self.checks.iter_mut().zip(&more.checks) {
             let smaller = (other.detectable / own.detectable.max(f64::MIN_POSITIVE)).min(1.0);
@@ -83,19 +85,19 @@ impl Reliability {
         self.disagreement = self.disagreement.max(more.disagreement);
     }
 
-    /// Whether any one wrong placement would show.
+    /// Whether a single wrong placement would show, whichever it is.
     pub fn is_checked(&self) -> bool {
         self.checks.iter().all(Check::is_enough)
     }
 
-    /// Whether it would, and none does.
+    /// Whether a single wrong placement would show, and none does.
     pub fn confirms(&self) -> bool {
         self.is_checked() && self.disagreement <= 1.0
     }
 }
 
 impl Check {
-    /// Whether an error would show: by itself, or by what it does to the bars.
+    /// Whether an error would show: in the residual, or through the inflated bars.
     pub fn is_enough(&self) -> bool {
         self.redundancy >= CHECKED || self.beyond_bars <= WITHIN
     }
@@ -108,7 +110,7 @@ mod tests {
     use super::super::{LinearSystem, Loss, Parameterisation, Truth, limits};
     use super::*;
 
-    /// Readings of one axis, the last of them off by so much.
+    /// Readings of one axis, the last of them off by `off`.
     fn of(count: usize, off: f64) -> Reliability {
         let mut system = LinearSystem::new(Parameterisation::BIAS);
         for i in 0..3 * count {

@@ -1,45 +1,45 @@
-//! Equations with what a fit left over of them, and what of that the unknowns and the leaks can take up. What it says of
-//! the scatter between placements is left to [`PlacementScatter`](super::PlacementScatter).
+//! Equations with their residuals, and the part of these that unknowns and leaks can take up.
+//! [`PlacementScatter`](super::PlacementScatter) derives the scatter between placements from them.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Equations with unknowns of their own; several blocks may share a scatter.
 #[derive(Clone, Debug)]
 pub struct ResidualBlock {
-    /// By the unknowns, not weighted: equations × unknowns.
+    /// Design of the unknowns, not weighted: equations × unknowns.
     pub design: DMatrix<f64>,
-    /// By what the model has no word for: equations × leaks.
+    /// Design of the leaks, which the model does not estimate: equations × leaks.
     pub leaks: DMatrix<f64>,
-    /// What a fit left over.
+    /// Residuals of a fit.
     pub residuals: DVector<f64>,
-    /// Variances of the equations by noise alone.
+    /// Variances of the equations from noise alone.
     pub noise: DVector<f64>,
-    /// What a unit of variance between placements adds to those.
+    /// Variances that a unit of variance between placements adds to the equations.
     pub gain: DVector<f64>,
 }
 
-/// What the equations tell of the leaks.
+/// Estimate of the leaks.
 #[derive(Clone, Debug)]
 pub struct Leaking {
-    /// What is left over without them.
+    /// Residuals without the leaks.
     pub left: DVector<f64>,
-    /// The likeliest value of each, and its variance.
+    /// Likeliest value of each leak, and its variance.
     pub leaks: Vec<(f64, f64)>,
 }
 
-/// What equations leave over once their unknowns and leaks are fitted.
+/// Residuals once unknowns and leaks are fitted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Left {
-    /// Weighted sum of the squares.
+    /// Weighted sum of squares.
     pub(super) squares: f64,
-    /// As many are to be expected.
+    /// Degrees of freedom, the expectation of that sum.
     pub(super) freedom: f64,
-    /// They say as much of the scatter as so many whole ones: an equation that leaks may explain still tells a part of it.
+    /// Effective number of squares for the scatter: an equation that leaks may explain still counts in part.
     pub(super) telling: f64,
 }
 
 impl ResidualBlock {
-    /// What is left over once the likeliest leaks are taken out, and those; `None` where there are none.
+    /// Estimates the leaks, and the residuals without them; `None` if there are none.
     pub fn leaking(&self, between: f64, leak: f64) -> Option<Leaking> {
         let unknowns = self.design.ncols();
         let leaks = self.leaks.ncols();
@@ -59,18 +59,18 @@ impl ResidualBlock {
         let factor = information.cholesky()?;
         let likeliest = factor.solve(&weighted.tr_mul(&self.residuals)).rows(unknowns, leaks).into_owned();
         let variances = factor.inverse().diagonal();
-        // The unknowns stay where they are: a bound may hold them there.
+        // The unknowns stay unchanged, because a bound may hold them.
         let left = &self.residuals - &self.leaks * &likeliest;
         Some(Leaking { left, leaks: likeliest.iter().copied().zip(variances.iter().skip(unknowns).copied()).collect() })
     }
 
-    /// What is left over at a level of scatter; `None` if that is not determined.
+    /// Residuals at a level of scatter; `None` if they are not determined.
     pub(super) fn left(&self, between: f64, leak: f64) -> Option<Left> {
         let unknowns = self.design.ncols();
         let leaks = if leak > 0.0 { self.leaks.ncols() } else { 0 };
         let size = unknowns + leaks;
         let entry = |r: usize, k: usize| if k < unknowns { self.design[(r, k)] } else { self.leaks[(r, k - unknowns)] };
-        // The lower triangle of the information, row by row: this is where a refit spends its time.
+        // Lower triangle of the information, row by row: a refit spends its time here.
         let mut lower = vec![0.0; size * (size + 1) / 2];
         let mut answer = DVector::<f64>::zeros(size);
         let mut row = vec![0.0; size];
@@ -102,7 +102,7 @@ impl ResidualBlock {
             left * left / (self.gain[r] * between + self.noise[r])
         });
         let squares = squares.sum();
-        // Every unknown takes a degree of freedom; a leak as much of one as the data tell of it.
+        // Every unknown takes a degree of freedom, a leak as much of one as the data determine it.
         let whole = self.residuals.len() as f64 - unknowns as f64;
         let (mut freedom, mut parts) = (whole, whole);
         if leaks > 0 {
@@ -111,7 +111,7 @@ impl ResidualBlock {
             freedom -= (unknowns..size).map(|k| 1.0 - unsaid(k)).sum::<f64>();
             parts -= (unknowns..size).map(|k| 1.0 - unsaid(k).powi(2)).sum::<f64>();
         }
-        // Of squares that count in part the sum varies less (Satterthwaite 1946).
+        // A sum of squares that count in part varies less (Satterthwaite 1946).
         let telling = if freedom > 0.0 { (freedom * freedom / parts).clamp(freedom, whole.max(freedom)) } else { 0.0 };
         Some(Left { squares, freedom, telling })
     }

@@ -1,5 +1,5 @@
-//! A secondary accelerometer's calibration: regression on the calibrated primary over all rests, tilted ones included,
-//! since both feel the same gravity whatever its direction.
+//! Calibration of a secondary accelerometer: regression on the calibrated primary over all rests, tilted ones included,
+//! since both sense the same gravity in any direction.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use super::placement_scatter::Assumed;
 use super::regression::{Reading, regress};
 use super::uncertainty::{Other, Sharing};
 
-/// What both sensors read during one placement.
+/// Readings of both sensors during one placement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair {
     /// Number of the placement.
@@ -24,19 +24,19 @@ pub struct Pair {
     pub primary: Vector3<f64>,
     /// Raw mean of the secondary, m/s².
     pub secondary: Vector3<f64>,
-    /// Noise variance of the primary's mean, per axis.
+    /// Noise variance of the primary's mean, per axis, (m/s²)².
     pub primary_noise: Vector3<f64>,
-    /// Noise variance of the secondary's mean, per axis.
+    /// Noise variance of the secondary's mean, per axis, (m/s²)².
     pub secondary_noise: Vector3<f64>,
 }
 
-/// A secondary is mounted this far off the primary's axes where the model has no word for it, and cross-couples (one
-/// standard deviation): two degrees, and one percent.
+/// Off-diagonal entries of a secondary's S that the model does not estimate, standard deviation: two degrees of
+/// mounting and one percent of cross-axis sensitivity.
 const MOUNTING: f64 = 0.0363;
-/// Residuals below this are no reason to refuse, m/s².
+/// Residuals below this never make a fit disagree, m/s².
 const ALLOWANCE: f64 = 0.05;
 
-/// Regresses the secondary on the primary as `primary` calibrates it.
+/// Regresses the secondary on the primary, corrected by the calibration `primary`.
 ///
 /// # Errors
 /// If the rests do not determine the parameters, or the solver fails.
@@ -65,7 +65,7 @@ pub fn fit(
 
     let solved = &regression.solved;
     // A truth that moves by δ moves the solution like a reading that moves by −S δ. Truths move with the mean of the
-    // primary by S'⁻¹, and with the primary's parameters, which that mean may have been fitted to, by −S'⁻¹ J.
+    // primary by S'⁻¹; and by −S'⁻¹ J with the primary's parameters, which may have been fitted to that mean.
     let through = shape.calibration(&solved.solution.x).sensitivity * inverse;
     let influence: Vec<_> = solved.influence(&solved.gain()).collect();
     let by_mean: Vec<_> = influence.chunks_exact(3).map(|axes| (&axes[0] + &axes[1] + &axes[2]) * through).collect();
@@ -76,10 +76,10 @@ pub fn fit(
     let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     let fitted = primary.origin.iter().flat_map(|origin| &origin.influence);
     let fitted: BTreeMap<_, _> = fitted.map(|(placement, influence)| (*placement, influence)).collect();
-    // How much more of the variance between placements is in each parameter than the regression took for known.
+    // Share of the variance between placements in each parameter beyond what the regression accounted for.
     let mut more = DVector::<f64>::zeros(shape.unknowns());
     for (pair, by_mean) in pairs.iter().zip(by_mean) {
-        // The regression took the means of the primary for independent of its parameters.
+        // The regression took the means of the primary as independent of its parameters.
         let all = match fitted.get(&pair.placement) {
             Some(influence) => &by_parameters * *influence - &by_mean,
             None => by_mean.clone(),
@@ -93,7 +93,8 @@ pub fn fit(
         other += &by_parameters * &origin.systematic * by_parameters.transpose();
     }
     if shape == Parameterisation::DIAGONAL {
-        // What the primary's leaks turn of an axis into the next, those of the secondary turn back.
+        // The leaks of the primary turn part of an axis into the next, and the leaks of the secondary turn part of it
+        // back.
         for (i, _) in shape.terms().iter().enumerate().filter(|(_, term)| matches!(term, Term::Own(..))) {
             other[(i, i)] += 2.0 * (regression.bars.leak_rms * primary.unmodelled_std).powi(2);
         }
@@ -112,7 +113,7 @@ mod tests {
 
     const G: f64 = 9.80665;
 
-    /// Six exact faces, those that point up read better, and a secondary that is turned by up to three degrees.
+    /// Six exact faces, those that point up with less noise, and a secondary that is turned by up to three degrees.
     #[test]
     fn where_faces_are_not_seen_equally_well_a_mounting_is_no_bias() {
         let bounds = Bounds::default();
@@ -149,7 +150,7 @@ mod tests {
         let pairs: Vec<_> = observations.iter().enumerate().map(pair).collect();
         let fit = fit(Parameterisation::DIAGONAL, &pairs, &primary, 1e-4, &bounds, Loss::Square).unwrap();
         let off = fit.parameters.fixed_rows::<3>(0) - truth.bias;
-        // By squares alone it would be 0.3 m/s².
+        // Least squares without leaks would be off by 0.3 m/s².
         assert!(off.amax() < 0.002, "{off}");
         assert!((fit.calibration().sensitivity.diagonal() - sensitivity.diagonal()).amax() < 5e-4);
         assert!(fit.std(0) < 0.02 && fit.agrees(), "{}", fit.std(0));

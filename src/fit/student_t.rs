@@ -1,23 +1,23 @@
-//! Student's t, as far as intervals need it.
+//! Quantiles of Student's t and of the normal distribution, as far as intervals need them.
 
-/// Half width of a normal error's 95 % interval over its standard deviation.
+/// Half-width of a normal error's 95 % interval, in standard deviations.
 pub(super) const NORMAL_95: f64 = 1.959_963_984_540_054;
 
-/// Half width of a normal error's 99.9 % interval over its standard deviation.
+/// Half-width of a normal error's 99.9 % interval, in standard deviations.
 pub(super) const NORMAL_999: f64 = 3.290_526_731_491_926;
 
-/// Half width of Student's 95 % interval.
+/// Half-width of Student's 95 % interval.
 pub(super) fn student_95(freedom: f64) -> f64 {
     student(freedom, 0.05, NORMAL_95)
 }
 
-/// Half width of Student's 99.9 % interval.
+/// Half-width of Student's 99.9 % interval.
 pub(super) fn student_999(freedom: f64) -> f64 {
     student(freedom, 0.001, NORMAL_999)
 }
 
-/// Half width of Student's interval beyond which `tails` of the probability lie, as they do beyond `normal` standard
-/// deviations of a normal error; by the expansion of Hill (1970), to four digits from two degrees of freedom on.
+/// Half-width of Student's interval with a two-sided tail probability of `tails`, to which `normal` is the half-width
+/// for a normal error; by the expansion of Hill (1970), to four digits from two degrees of freedom on.
 pub(super) fn student(freedom: f64, tails: f64, normal: f64) -> f64 {
     let n = freedom.max(2.0);
     if n > 1e6 {
@@ -44,8 +44,8 @@ pub(super) fn student(freedom: f64, tails: f64, normal: f64) -> f64 {
     (n * y).sqrt()
 }
 
-/// Standard deviations of a normal error that it exceeds to one side with a probability of `tail`, below a half (Abramowitz
-/// and Stegun 26.2.23, within 4.5e-4).
+/// Quantile that a standard normal error exceeds on one side with a probability of `tail`, below a half (Abramowitz and
+/// Stegun 26.2.23, within 4.5e-4).
 pub(super) fn normal_beyond(tail: f64) -> f64 {
     let t = (-2.0 * libm::log(tail)).sqrt();
     t - (2.515_517 + t * (0.802_853 + t * 0.010_328)) / (1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308)))

@@ -1,5 +1,5 @@
-//! Readings and a reference brought to one instant: what the reference says at the stamp of each reading, interpolated
-//! between its samples. What becomes of the pairs is left to whoever takes them.
+//! Alignment of readings with a reference: the reference at the stamp of each reading, interpolated between its
+//! samples.
 
 use std::collections::VecDeque;
 
@@ -8,24 +8,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
 
-/// Readings that wait for the reference, at most; the oldest are given up.
+/// Largest number of readings that wait for the reference; the oldest are dropped.
 const WAITING: usize = 4096;
 
-/// Follows a reference and the triads beside it.
+/// Interpolator of a reference at the readings of the triads beside it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct TimeInterpolation {
-    /// The last four samples of the reference, oldest first.
+    /// Last four samples of the reference, oldest first.
     known: VecDeque<(Stamp, [Vector3<f64>; 2])>,
-    /// Forces that wait for the rate of the same stamp, or rates for the force.
+    /// Force that waits for the rate of the same stamp, or rate that waits for the force: stamp, quantity, value.
     half: Option<(Stamp, usize, Vector3<f64>)>,
-    /// Readings not older than the second of the four, with the triad that they are of.
+    /// Readings that wait for the reference: stamp, triad, value.
     waiting: VecDeque<(Stamp, usize, Vector3<f64>)>,
-    /// Longest step between samples of the reference, in ns, that is interpolated across.
+    /// Longest step between samples of the reference that is interpolated across, ns.
     gap: i64,
 }
 
 impl TimeInterpolation {
-    /// Interpolates across steps of the reference of at most `gap_s` seconds.
+    /// Creates an interpolator across steps of the reference of at most `gap_s` seconds.
     pub fn new(gap_s: f64) -> Self {
         Self { gap: (gap_s * 1e9) as i64, ..Self::default() }
     }
@@ -38,8 +38,8 @@ impl TimeInterpolation {
         self.waiting.push_back((stamp, triad, value));
     }
 
-    /// Takes one quantity of the reference: 0 is the specific force, 1 the angular rate. Both count as one sample if their
-    /// stamps agree.
+    /// Takes one quantity of the reference: 0 is the specific force, 1 the angular rate. Both form one sample if their
+    /// stamps agree. Readings that can now be interpolated go to `sink`.
     pub fn reference(
         &mut self,
         quantity: usize,
@@ -80,7 +80,7 @@ impl TimeInterpolation {
         }
     }
 
-    /// Between the second and the third of four samples, where a cubic is at its best.
+    /// Interval between the second and the third of four samples, where a cubic is most accurate.
     fn middle(&self) -> Option<(Stamp, Stamp)> {
         match (self.known.get(1), self.known.get(2), self.known.get(3)) {
             (Some(&(from, _)), Some(&(until, _)), Some(_)) => Some((from, until)),
@@ -88,7 +88,7 @@ impl TimeInterpolation {
         }
     }
 
-    /// The cubic through the four samples (Lagrange).
+    /// Evaluates the cubic through the four samples (Lagrange).
     fn interpolate(&self, at: Stamp) -> [Vector3<f64>; 2] {
         let mut sum = [Vector3::zeros(); 2];
         for &(own, values) in &self.known {
@@ -105,13 +105,14 @@ impl TimeInterpolation {
 mod tests {
     use super::*;
 
-    /// One rotation a second.
+    /// True force and rate, at one rotation a second.
     fn truth(stamp: Stamp) -> [Vector3<f64>; 2] {
         let angle = stamp.nanos() as f64 * 1e-9 * std::f64::consts::TAU;
         [Vector3::new(libm::cos(angle), libm::sin(angle), 0.0) * 9.8, Vector3::z() * libm::sin(angle)]
     }
 
-    /// Pairs of a triad that reads the force itself at 130 Hz beside a reference at 100 Hz without its samples in a gap.
+    /// Pairs of a triad that reads the force itself at 130 Hz, beside a reference at 100 Hz without its samples in a
+    /// gap.
     fn aligned(gap: std::ops::Range<i64>) -> Vec<(Vector3<f64>, [Vector3<f64>; 2])> {
         let mut alignment = TimeInterpolation::new(0.1);
         let mut pairs = Vec::new();
@@ -137,7 +138,7 @@ mod tests {
         let pairs = aligned(0..0);
         assert!(pairs.len() > 160, "{}", pairs.len());
         for (value, reference) in pairs {
-            // A chord would be off by up to 5 mm/s².
+            // Linear interpolation would be off by up to 5 mm/s².
             assert!((value - reference[0]).norm() < 1e-5, "{}", (value - reference[0]).norm());
         }
     }

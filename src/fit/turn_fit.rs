@@ -1,14 +1,13 @@
-//! The gyroscope's sensitivity, and the accelerometer's off the diagonal, from turns between rests. Which rests and turns are
-//! to be believed is left to the caller.
+//! Fit of the gyroscope's sensitivity, and of the accelerometer's cross-axis sensitivities, to turns between rests.
 //!
-//! At both ends of a turn the accelerometer says where gravity is, and in between the gyroscope says how the frame turned:
-//! two equations a turn. A tilt and a cross-axis sensitivity of the accelerometer look alike at rest, and not while turning,
-//! so both sensors are fitted together (gyroscopes alone: Tedaldi, Pretto & Menegatti, "A robust and easy to implement method
-//! for IMU calibration without external equipments", ICRA 2014).
+//! At both ends of a turn the accelerometer shows the direction of gravity, and in between the gyroscope shows the
+//! rotation of the frame: two equations a turn. A tilt and a cross-axis sensitivity of the accelerometer look alike at
+//! rest but not while turning, so both sensors are fitted together (gyroscopes alone: Tedaldi, Pretto & Menegatti, "A
+//! robust and easy to implement method for IMU calibration without external equipments", ICRA 2014).
 //!
-//! Weighted Gauss–Newton about the entries of C = S⁻¹ of the gyroscope and all of a lower-triangular S of the accelerometer.
-//! Neighbouring turns share what the rest between them errs by. What is only assumed of the errors is scaled down, or an
-//! error common to all turns is added, until χ² is as large as its degrees of freedom (Paule & Mandel 1982).
+//! Weighted Gauss–Newton about the entries of C = S⁻¹ of the gyroscope, and the bias and lower-triangular S of the
+//! accelerometer. Neighbouring turns share the errors of the rest between them. The assumed part of the errors is
+//! scaled down, or an error common to all turns is added, until χ² equals its degrees of freedom (Paule & Mandel 1982).
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
@@ -19,82 +18,83 @@ use super::placement_scatter::stretch;
 use super::student_t::{NORMAL_95, student_95};
 use crate::turns::{Candidate, Ends, Piece, predict};
 
-/// What the sensors read at a rest.
+/// Readings of the sensors at a rest.
 #[derive(Clone, Debug)]
 pub struct RestSeen {
-    /// Raw specific force at its start and at its end, m/s².
+    /// Raw specific force at the start and at the end of the rest, m/s².
     pub force: [Vector3<f64>; 2],
-    /// Variance of that by noise, per axis.
+    /// Variance of the force from noise, per axis, (m/s²)².
     pub force_noise: Vector3<f64>,
     /// Raw mean rate, rad/s.
     pub rate: Vector3<f64>,
-    /// Variance of that by noise, per axis.
+    /// Variance of the rate from noise, per axis, (rad/s)².
     pub rate_noise: Vector3<f64>,
-    /// When it was, s.
+    /// Time of the rest, s.
     pub time: f64,
 }
 
-/// A turn between two of the rests.
+/// Turn between two rests.
 #[derive(Clone, Debug)]
 pub struct TurnSeen {
-    /// Before and after, by their places.
+    /// Rests before and after, as indices.
     pub rests: [usize; 2],
-    /// Of the raw rates.
+    /// Pieces of the preintegrated raw rates.
     pub pieces: Vec<Piece>,
-    /// How long it took.
+    /// Duration, s.
     pub seconds: f64,
-    /// ∫ ‖ω‖ dt, rad.
+    /// Angular path ∫ ‖ω‖ dt, rad.
     pub path: f64,
-    /// Variance of its angle about an axis by what is faster than the samples, rad².
+    /// Variance of its angle about an axis from motion faster than the samples, rad².
     pub roughness: f64,
 }
 
-/// Rests and the turns between them, both in order.
+/// Rests and the turns between them, both in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct TurnSession {
-    /// The rests.
+    /// Rests in order.
     pub rests: Vec<RestSeen>,
-    /// The turns.
+    /// Turns in order.
     pub turns: Vec<TurnSeen>,
-    /// Angle random walk of the gyroscope squared, rad²/s.
+    /// Square of the gyroscope's angle random walk, rad²/s.
     pub random_walk: f64,
 }
 
 /// Entries of the accelerometer's S below the diagonal: row y column x, z x, z y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OffDiagonals {
-    /// Their values.
+    /// Values of the entries.
     pub value: Vector3<f64>,
-    /// Their covariance, stretched so that 1.96 standard deviations are half of a 95 % interval.
+    /// Covariance of the entries, stretched so that 1.96 standard deviations are half of a 95 % interval.
     pub covariance: Matrix3<f64>,
 }
 
 impl OffDiagonals {
-    /// Row and column of each.
+    /// Row and column of each entry.
     pub const ENTRIES: [(usize, usize); 3] = [(1, 0), (2, 0), (2, 1)];
 
-    /// Half of the widest 95 % interval.
+    /// Half-width of the widest 95 % interval.
     pub fn half_width(&self) -> f64 {
         NORMAL_95 * self.covariance.diagonal().max().max(0.0).sqrt()
     }
 }
 
-/// What turns say of an accelerometer whose S is lower-triangular, in the order of its parameters, whatever its rests say.
+/// Information from turns about an accelerometer with a lower-triangular S, in the order of its parameters, independent
+/// of its rests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Told {
-    /// Inverse covariance, shrunk by Student's quantile.
+    /// Inverse covariance, reduced by Student's quantile.
     pub information: SMatrix<f64, 9, 9>,
-    /// That times the parameters that the turns alone would have.
+    /// Inverse covariance times the parameters by the turns alone.
     pub moment: SVector<f64, 9>,
 }
 
 impl From<&OffDiagonals> for Told {
-    /// These entries, and nothing of the others.
+    /// Converts these entries, without information on the others.
     fn from(entries: &OffDiagonals) -> Self {
         let mut told = Self { information: SMatrix::zeros(), moment: SVector::zeros() };
         let Some(information) = entries.covariance.try_inverse() else { return told };
         let moment = information * entries.value;
-        // Their places among the nine.
+        // Indices among the nine parameters.
         for (i, row) in OFF.map(|place| place - 9).into_iter().enumerate() {
             told.moment[row] = moment[i];
             for (j, column) in OFF.map(|place| place - 9).into_iter().enumerate() {
@@ -105,118 +105,118 @@ impl From<&OffDiagonals> for Told {
     }
 }
 
-/// What a gyroscope makes of specific force at rest.
+/// G-sensitivity of a gyroscope at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GSensitivity {
-    /// Bias where there is no specific force, rad/s.
+    /// Bias without specific force, rad/s.
     pub bias: Vector3<f64>,
-    /// By a unit vector along specific force, rad/s.
+    /// Rate for a unit vector along specific force, rad/s.
     pub by_up: Matrix3<f64>,
-    /// Of each axis: covariance of its bias and its row, stretched likewise.
+    /// Covariance of the bias and the row of each axis, stretched as above.
     pub covariance: [SMatrix<f64, 4, 4>; 3],
 }
 
-/// What the turns say.
+/// Result of a fit to turns.
 #[derive(Clone, Debug)]
 pub struct TurnEstimate {
-    /// S of the gyroscope.
+    /// Sensitivity S of the gyroscope.
     pub sensitivity: Matrix3<f64>,
-    /// Of its entries row by row, stretched likewise.
+    /// Covariance of its entries row by row, stretched as above.
     pub covariance: SMatrix<f64, 9, 9>,
-    /// Of the accelerometer.
+    /// Entries of the accelerometer's S below the diagonal.
     pub off_diagonals: OffDiagonals,
-    /// The accelerometer as rests and turns together have it: bias and a lower-triangular S.
+    /// Accelerometer by rests and turns together: bias and lower-triangular S.
     pub accelerometer: SVector<f64, 9>,
-    /// What the turns say of it by themselves.
+    /// Information from the turns alone about the accelerometer.
     pub told: Told,
-    /// Where the rests show one.
+    /// G-sensitivity, if the rests show one.
     pub g_sensitivity: Option<GSensitivity>,
-    /// Angle between gravity as predicted and as seen, of each turn, rad.
+    /// Angle between gravity as predicted and as measured after each turn, rad.
     pub residuals: Vec<f64>,
-    /// The turn that contradicts the others, if one does; it does not count.
+    /// Turn that contradicts the others, if any; it is left out of the fit.
     pub left_out: Option<usize>,
-    /// Turns that count.
+    /// Number of turns in the fit.
     pub used: usize,
-    /// χ² over its degrees of freedom before anything was scaled or added.
+    /// Chi-squared over its degrees of freedom, before anything was scaled or added.
     pub chi2_per_dof: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of the fit.
     pub freedom: f64,
-    /// Error common to all turns that had to be added, rad.
+    /// Added error common to all turns, rad.
     pub added: f64,
-    /// Condition number of what the turns say, each unknown in its own unit.
+    /// Condition number of the information from the turns, each unknown in its own unit.
     pub condition: f64,
-    /// Whether any one turn less says the same.
+    /// Whether the fit without any one turn agrees.
     pub redundant: bool,
 }
 
-/// Why turns say too little.
+/// Reason why turns do not determine the sensitivity.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TooLittle {
-    /// Turns between accepted rests.
+    /// Too few turns between accepted rests.
     #[error(
         "{turned} turns by 30° or more between accepted rests, {LEAST_TURNS} are needed: turn it from face to face"
     )]
     Few {
-        /// Of gravity by so much.
+        /// Turns that rotate gravity by 30° or more.
         turned: usize,
     },
-    /// Turns that leave next to nothing over once their unknowns are fitted.
+    /// Turns whose residuals have too few degrees of freedom.
     #[error("{turns} turns do not check each other yet: turn it on from face to face, about all axes")]
     Unchecked {
-        /// Turns that count.
+        /// Turns in the fit.
         turns: usize,
     },
-    /// Rotations that gravity does not feel.
+    /// Rotations about the vertical, which do not turn gravity.
     #[error(
         "the turns are about the vertical ({turned} of {all} tilt it by 30° or more), and such turns show no scale: turn the sensor \
          over, or declare what the rotations were"
     )]
     AboutVertical {
-        /// Turns that tilt it.
+        /// Turns that tilt the sensor by 30° or more.
         turned: usize,
         /// All turns.
         all: usize,
     },
-    /// Half of a 95 % interval, and which entry.
+    /// Entry that is not precise enough.
     #[error("the turns tell {entry} to ±{:.2} %, and ±{:.1} % would do: more turns, about all axes", 100.0 * half_width, 100.0 * PRECISE)]
     Imprecise {
-        /// In words.
+        /// Entry in words.
         entry: &'static str,
-        /// Of its 95 % interval.
+        /// Half-width of its 95 % interval.
         half_width: f64,
     },
-    /// The condition number.
+    /// Too large a condition number, which it holds.
     #[error("the turns do not tell the axes apart (condition number {0:.0}): turn it about the others, too")]
     Undistinguished(f64),
-    /// The equations have no solution.
+    /// Equations without a solution.
     #[error("the turns contradict the rests")]
     Unsolved,
 }
 
-/// m/s².
+/// Standard gravity, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
 const UNKNOWNS: usize = 18;
-/// Places of the accelerometer's entries below the diagonal.
+/// Indices of the accelerometer's entries below the diagonal.
 const OFF: [usize; 3] = [13, 15, 16];
-/// Entries of an inverse sensitivity are off by this by the datasheet, one standard deviation.
+/// Prior standard deviation of an entry of an inverse sensitivity, as of datasheets.
 const DATASHEET: f64 = 0.03;
-/// Of the path of a turn: what a gyroscope's nonlinearity makes of it.
+/// Angle error from a gyroscope's nonlinearity, as a share of the path of a turn.
 const NONLINEARITY: f64 = 2e-4;
 const LEAST_TURNS: usize = 8;
 const LEAST_FREEDOM: f64 = 7.0;
-/// Gravity must turn by so much, rad.
+/// Least angle by which a turn rotates gravity, rad.
 const TURNED: f64 = std::f64::consts::FRAC_PI_6;
-/// Half of a 95 % interval.
+/// Largest accepted half-width of a 95 % interval.
 const PRECISE: f64 = 0.005;
-/// Of the gyroscope's entries alone, and of the accelerometer's with them.
+/// Largest condition numbers: of the gyroscope's entries alone, and together with the accelerometer's.
 const CONDITIONED: [f64; 2] = [50.0, 100.0];
 
 type TurnRow = SVector<f64, UNKNOWNS>;
-/// Residual and derivatives of a turn, weighted.
+/// Weighted residual of a turn and its derivatives.
 type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
 type Square = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
-/// Fits the turns beside an accelerometer that is known from its rests, whose placements scatter by `placement_std` (m/s²).
+/// Fits the turns, given an accelerometer calibrated at rests whose placements scatter by `placement_std` (m/s²).
 ///
 /// # Errors
 /// If the turns do not determine the gyroscope's S.
@@ -255,7 +255,7 @@ impl TurnEstimate {
         self.off_diagonals.half_width() <= PRECISE
     }
 
-    /// The gyroscope with a bias that rests tell.
+    /// Estimate of the gyroscope, with a bias from rests.
     pub fn with_bias(&self, bias: &Estimate) -> Estimate {
         let (shape, first) = match &self.g_sensitivity {
             Some(_) => (Parameterisation::GYROSCOPE_BY_TURNS, 12),
@@ -281,7 +281,7 @@ impl TurnEstimate {
                     covariance[(place(i), place(j))] =
                         g.covariance[axis][(i, j)] * unit[usize::from(i > 0)] * unit[usize::from(j > 0)];
                 }
-                // What the bias may be off by all the same.
+                // The error of the bias at rest stays.
                 covariance[(axis, axis)] += bias.covariance[(axis, axis)];
                 for column in 0..3 {
                     parameters[first + 3 * axis + column] = g.by_up[(axis, column)] / STANDARD_GRAVITY;
@@ -302,7 +302,7 @@ impl TurnEstimate {
 }
 
 impl TurnSession {
-    /// Directions of specific force before and after.
+    /// Directions of specific force before and after a turn.
     fn ups(&self, turn: &TurnSeen, calibration: &Calibration) -> [Vector3<f64>; 2] {
         let at = |end: usize| {
             let force = self.rests.get(turn.rests[end]).map_or(Vector3::zeros(), |rest| rest.force[1 - end]);
@@ -311,9 +311,9 @@ impl TurnSession {
         [at(0), at(1)]
     }
 
-    /// Regression of the mean rates on direction and time, if it explains what they differ by.
+    /// Regresses the mean rates on direction and time; `None` unless that explains their differences.
     fn g_sensitivity(&self, calibration: &Calibration) -> Option<GSensitivity> {
-        /// Fewest rests, and by how much the explained squares exceed those left over.
+        /// Fewest rests, and least ratio of explained squares to those left over.
         const LEAST: usize = 8;
         const CLEAR: f64 = 8.0;
         let count = self.rests.len();
@@ -358,9 +358,9 @@ impl TurnSession {
     }
 }
 
-/// The accelerometer before the turns.
+/// Accelerometer before the turns.
 struct Given {
-    /// Of a lower-triangular S.
+    /// Bias and lower-triangular S.
     mean: SVector<f64, 9>,
     /// Inverse covariance of all unknowns.
     prior: Square,
@@ -395,22 +395,22 @@ impl Given {
     }
 }
 
-/// The equations of a turn, linearised.
+/// Linearised equations of a turn.
 struct Equations {
     residual: Vector2<f64>,
     by: SMatrix<f64, 2, UNKNOWNS>,
-    /// Covariance by what was measured, and by what is assumed.
+    /// Covariance of the residual: from measured noise, and from assumed errors.
     noise: [Matrix2<f64>; 2],
-    /// The same with the turn before, whose second rest is the first of this one.
+    /// Covariance with the turn before, likewise, if its second rest is the first of this turn.
     shared: [Matrix2<f64>; 2],
-    /// How the errors of the directions after and before arrive.
+    /// Derivatives of the residual with respect to the directions after and before.
     arrival: [Matrix2x3<f64>; 2],
 }
 
-/// How large errors are.
+/// Size of the errors.
 #[derive(Clone, Copy, Debug)]
 struct Level {
-    /// Of what is assumed.
+    /// Share of the assumed variance that counts.
     share: f64,
     /// Variance added to every equation, rad².
     added: f64,
@@ -418,7 +418,7 @@ struct Level {
 
 const AS_ASSUMED: Level = Level { share: 1.0, added: 0.0 };
 
-/// Equations solved at some weights.
+/// Solution of the equations at some weights.
 struct SolvedTurns {
     step: TurnRow,
     covariance: Square,
@@ -426,7 +426,7 @@ struct SolvedTurns {
     freedom: f64,
 }
 
-/// A fit of some of the turns.
+/// Fit of a subset of the turns.
 struct TurnSolution<'a> {
     given: &'a Given,
     at: TurnRow,
@@ -438,7 +438,7 @@ struct TurnSolution<'a> {
 impl<'a> TurnSolution<'a> {
     fn of(session: &TurnSession, given: &'a Given, by_up: Matrix3<f64>, kept: &[bool]) -> Result<Self, TooLittle> {
         const ROUNDS: usize = 3;
-        /// Of an entry: less than a hundredth of what any recording tells.
+        /// Largest step of an entry at convergence: less than a hundredth of the precision of any recording.
         const NEAR: f64 = 1e-6;
         let mut at = TurnRow::zeros();
         at.fixed_rows_mut::<9>(9).copy_from(&given.mean);
@@ -446,7 +446,7 @@ impl<'a> TurnSolution<'a> {
         for round in 0..ROUNDS {
             found.equations = linearise(session, given, by_up, &found.at);
             if round == 1 {
-                // What is left over by now is no fault of the linearisation.
+                // By now the residuals do not come from the linearisation.
                 found.level = found.find_level().ok_or(TooLittle::Unsolved)?;
             }
             let solved = found.solve(found.level, None).ok_or(TooLittle::Unsolved)?;
@@ -461,10 +461,10 @@ impl<'a> TurnSolution<'a> {
         found.at.iter().all(|x| x.is_finite()).then_some(found).ok_or(TooLittle::Unsolved)
     }
 
-    /// The weights at which χ² is as large as its degrees of freedom.
+    /// Finds the weights at which χ² equals its degrees of freedom.
     fn find_level(&self) -> Option<Level> {
         const STEPS: usize = 12;
-        /// Of a logarithm: weights that are off by this change no digit that is shown.
+        /// Tolerance of a logarithm: such an error of the weights changes no digit that is shown.
         const NEAR: f64 = 1e-3;
         let over = |level: Level| {
             self.solve(level, None)
@@ -472,7 +472,8 @@ impl<'a> TurnSolution<'a> {
         };
         let scaled = |log: f64| Level { share: libm::exp(log), added: 0.0 };
         let added = |log: f64| Level { share: 1.0, added: libm::exp(2.0 * log) };
-        // From a hundredth of a mrad to more than anybody errs by; or from next to nothing to all that is assumed.
+        // Brackets: an added error of 0.01 mrad to more than any real one, or a share of almost none to all of the
+        // assumed one.
         let (of, mut low, mut high): (&dyn Fn(f64) -> Level, f64, f64) = match over(AS_ASSUMED)? > 0.0 {
             true => (&added, libm::log(1e-5), libm::log(0.3)),
             false => (&scaled, libm::log(1e-3), 0.0),
@@ -503,8 +504,8 @@ impl<'a> TurnSolution<'a> {
         Some(of(middle))
     }
 
-    /// Residuals and their derivatives, weighted so that their errors are independent and of unit variance; turn by turn.
-    /// Errors are shared with the turn before alone, so the factor of their covariance has two diagonals of blocks.
+    /// Residuals and their derivatives, turn by turn, weighted so that their errors are independent and of unit
+    /// variance. Errors are shared only with the turn before, so the factor of their covariance is block bidiagonal.
     fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
         let mut white: Vec<Whitened> = Vec::with_capacity(self.equations.len());
         let mut before: Option<(usize, Matrix2<f64>)> = None;
@@ -518,7 +519,7 @@ impl<'a> TurnSolution<'a> {
             if let (Some((_, triangle)), Some((last, derivative))) =
                 (before.filter(|(earlier, _)| earlier + 1 == k), white.last())
             {
-                // own row of the factor: L₂₁ = B L₁⁻ᵀ.
+                // Subdiagonal block of the factor: L₂₁ = B L₁⁻ᵀ.
                 let shared = triangle.solve_lower_triangular(&at(&equations.shared).transpose())?.transpose();
                 own -= shared * shared.transpose();
                 residual -= shared * last;
@@ -545,16 +546,16 @@ impl<'a> TurnSolution<'a> {
         let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
         let covariance = factor.inverse();
         let squares = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
-        // What the prior does not make known: tr(P I) = n - tr(P Λ).
+        // Degrees of freedom that the data determine, not the prior: tr(P I) = n − tr(P Λ).
         let known = UNKNOWNS as f64 - covariance.dot(&self.given.prior);
         Some(SolvedTurns { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
     }
 
-    /// The turn without which the others agree, if there is one beyond chance.
+    /// Finds the turn without which the others agree, if it deviates beyond chance.
     fn contradicting(&self) -> Option<usize> {
-        /// What the squares of one turn exceed those of the others by, each over its degrees of freedom.
+        /// Least excess of the squares of one turn over those of the others, each over its degrees of freedom.
         const BEYOND: f64 = 12.0;
-        /// So many that stand out are tried.
+        /// Number of most deviating turns that are tried.
         const TRIED: usize = 3;
         let all = self.solve(AS_ASSUMED, None)?;
         if all.squares < 1.5 * all.freedom {
@@ -621,10 +622,10 @@ impl<'a> TurnSolution<'a> {
         })
     }
 
-    /// Of what all say of the accelerometer, what its rests said is taken out again.
+    /// Information from the turns alone about the accelerometer: that of the joint fit less that of its rests.
     fn told(&self, solved: &SolvedTurns) -> Option<Told> {
-        /// What all turns share, as fast motion and stamps that jitter make it, shows in no χ²: of simulated sensors the errors
-        /// were up to twice as large as the turns say by themselves.
+        /// Errors common to all turns, such as those of fast motion and of jitter in the stamps, do not show in χ²: in
+        /// simulations the errors were up to twice as large as the turns alone indicate.
         const SHARED: f64 = 2.0;
         let stretch = (SHARED * stretch(solved.freedom)).powi(2);
         let all = solved.covariance.fixed_view::<9, 9>(9, 9).try_inverse()?;
@@ -633,7 +634,8 @@ impl<'a> TurnSolution<'a> {
         Some(Told { information: (all - rests) / stretch, moment: moment / stretch })
     }
 
-    /// Of what the turns alone say of the gyroscope, and of the accelerometer's entries where they are not known otherwise.
+    /// Condition number of the information from the turns alone on the gyroscope, and on the accelerometer's entries
+    /// below the diagonal if these are not known otherwise.
     fn condition(&self, solved: &SolvedTurns) -> Option<f64> {
         let wanted: Vec<usize> = (0..9).chain(OFF.into_iter().filter(|_| !self.given.triangular)).collect();
         let marginal = DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| solved.covariance[(wanted[i], wanted[j])]);
@@ -645,8 +647,8 @@ impl<'a> TurnSolution<'a> {
         Some((eigen.max() / eigen.min().max(1e-12)).min(1e12))
     }
 
-    /// Whether the others say the same without any one turn, and as precisely as is asked for. What a turn adds to those
-    /// before it is taken out again (the deletion formula of Cook and Weisberg, "Residuals and influence in regression", 1982).
+    /// Whether the fit without any one turn gives the same result, with the required precision. Turns are removed by
+    /// the deletion formula (Cook and Weisberg, "Residuals and influence in regression", 1982).
     fn is_redundant(&self, solved: &SolvedTurns, sensitivity: &Matrix3<f64>, half_widths: &SVector<f64, 9>) -> bool {
         let Some(white) = self.whitened(self.level, None) else { return false };
         white.iter().all(|(residual, by)| {
@@ -662,24 +664,24 @@ impl<'a> TurnSolution<'a> {
     }
 }
 
-/// The entries of S row by row, in words.
+/// Names of the entries of S, row by row.
 const ENTRIES: [&str; 9] =
     ["the x scale", "x by y", "x by z", "y by x", "the y scale", "y by z", "z by x", "z by y", "the z scale"];
 
-/// C of the unknowns.
+/// Inverse sensitivity C of the gyroscope from the unknowns.
 fn inverse_of(at: &TurnRow) -> Matrix3<f64> {
     Matrix3::identity() + Matrix3::from_fn(|row, column| at[3 * row + column])
 }
 
-/// Covariance of S by that of C: δS = −S δC S.
+/// Covariance of S from that of C: δS = −S δC S.
 fn of_sensitivity(sensitivity: &Matrix3<f64>, covariance: &Square) -> SMatrix<f64, 9, 9> {
     let by =
         SMatrix::<f64, 9, 9>::from_fn(|entry, k| -sensitivity[(entry / 3, k / 3)] * sensitivity[(k % 3, entry % 3)]);
     by * covariance.fixed_view::<9, 9>(0, 0) * by.transpose()
 }
 
-/// Direction of a specific force and how it moves with the accelerometer's nine parameters, and the covariance that errors
-/// of the mean give it: by noise, and by a unit of variance between placements.
+/// Direction of a specific force, its derivative with respect to the accelerometer's nine parameters, and its
+/// covariance from errors of the mean: from noise, and from the scatter between placements.
 struct Direction {
     up: Vector3<f64>,
     by: SMatrix<f64, 3, 9>,
@@ -724,12 +726,12 @@ fn linearise(session: &TurnSession, given: &Given, by_up: Matrix3<f64>, at: &Tur
             arrival[0] * after.noise[cause] * arrival[0].transpose()
                 + arrival[1] * before.noise[cause] * arrival[1].transpose()
         };
-        // A bias between two rests errs by half of what either does.
+        // The bias between two rests has half the error of either.
         let by_rate = across * found.by_rate;
         let of_rate = Matrix3::from_diagonal(&((from.rate_noise + to.rate_noise) / 4.0));
         let white = session.random_walk * turn.seconds;
         let measured = noise(0) + by_rate * of_rate * by_rate.transpose() + Matrix2::identity() * white;
-        // White noise is rough, too: a quarter of what it adds up to.
+        // White noise adds to the roughness, too: a quarter of its sum.
         let on_the_way = (turn.roughness - white / 4.0).max(0.0) + (NONLINEARITY * turn.path).powi(2);
         let assumed = noise(1) + Matrix2::identity() * on_the_way;
         let shared = |cause: usize| match (k.checked_sub(1).and_then(|last| session.turns.get(last)), equations.last())
@@ -752,7 +754,7 @@ fn linearise(session: &TurnSession, given: &Given, by_up: Matrix3<f64>, at: &Tur
     equations
 }
 
-/// Two unit vectors perpendicular to one and to each other, as rows.
+/// Two unit vectors perpendicular to `up` and to each other, as rows.
 fn perpendicular(up: &Vector3<f64>) -> Matrix2x3<f64> {
     let first = up.cross(&Vector3::ith(up.iamin(), 1.0)).normalize();
     Matrix2x3::from_rows(&[first.transpose(), up.cross(&first).transpose()])

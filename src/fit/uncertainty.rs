@@ -1,5 +1,4 @@
-//! How well the unknowns of a fit are known: placements, noise, what the model has no word for, and whatever else the
-//! fit depends on, in one covariance. What placements scatter by is left to [`PlacementScatter`].
+//! Uncertainty of the unknowns of a fit: placements, noise, leaks and the other causes, in one covariance.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,50 +6,50 @@ use super::linear_system::{Row, Solved};
 use super::parameterisation::{Parameterisation, Term};
 use super::placement_scatter::{Assumed, PlacementScatter};
 
-/// Which equations and unknowns share a scatter.
+/// Sharing of a scatter between equations and unknowns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sharing {
-    /// All of them: each placement gives one equation.
+    /// One scatter for all: each placement gives one equation.
     All,
-    /// Those of one axis, since every placement gives an equation of each in turn, and axes differ.
+    /// One scatter for each axis: a placement gives one equation of each axis in turn, and axes differ.
     ByAxis,
-    /// Each axis has unknowns of its own, but placements move all three alike.
+    /// One scatter for the three axes, which placements move alike, though each axis has unknowns of its own.
     Common,
 }
 
-/// What the equations of a fit tell of its errors.
+/// Errors of a fit, learned from its equations.
 #[derive(Clone, Debug)]
 pub struct Uncertainty {
     sharing: Sharing,
     scatter: Vec<PlacementScatter>,
-    /// Root mean square of what is left over once the leaks are taken out, as far as they are credible; not weighted.
+    /// Root mean square of the residuals without the leaks, as far as these are credible; not weighted.
     pub left_rms: f64,
-    /// How large the leaks are, by what is assumed and what the equations tell of them: a root mean square.
+    /// Root mean square of the leaks, from assumption and equations.
     pub leak_rms: f64,
 }
 
-/// What does not come from the equations.
+/// Uncertainty that does not come from the equations.
 #[derive(Clone, Debug)]
 pub struct Other {
-    /// Covariance of the unknowns by it.
+    /// Covariance of the unknowns.
     pub covariance: DMatrix<f64>,
-    /// Variances that the variances in it were estimated with.
+    /// Variance with which each variance on its diagonal was estimated.
     pub spread: DVector<f64>,
 }
 
 impl From<DMatrix<f64>> for Other {
-    /// Nothing of it was estimated.
+    /// Converts a covariance of which nothing was estimated.
     fn from(covariance: DMatrix<f64>) -> Self {
         Self { spread: DVector::zeros(covariance.nrows()), covariance }
     }
 }
 
-/// A leak so many standard deviations large is none: the model is wrong. Of sensors whose six entries are as assumed, one
-/// in three hundred thousand is taken for such.
+/// Largest credible leak, in standard deviations: beyond it the model is wrong. Six entries as assumed exceed it in one
+/// sensor in three hundred thousand.
 const CREDIBLE: f64 = 5.0;
 
 impl Uncertainty {
-    /// Learns from a solution; its weights do not matter.
+    /// Learns the errors from a solution; its weights do not matter.
     pub fn learn(shape: Parameterisation, solved: &Solved, sharing: Sharing, assumed: Assumed) -> Self {
         let blocks: Vec<_> = match sharing {
             Sharing::All => vec![solved.block(shape, None)],
@@ -83,44 +82,43 @@ impl Uncertainty {
         Self { sharing, scatter, left_rms, leak_rms }
     }
 
-    /// The variance between placements to weight an axis' equations with.
+    /// Variance between placements, for the weights of an axis.
     pub fn between(&self, axis: usize) -> f64 {
         self.of_axis(axis).typical()
     }
 
-    /// Weighted sum of squares over its degrees of freedom, at what was assumed; `None` without redundancy.
+    /// Weighted sum of squares over its degrees of freedom, at the assumed scatter; `None` without redundancy.
     pub fn chi2_per_dof(&self) -> Option<f64> {
         let freedom = self.freedom();
         let squares: f64 = self.scatter.iter().map(PlacementScatter::squares).sum();
         (freedom >= 0.5).then(|| squares / freedom)
     }
 
-    /// The degrees of freedom of that.
+    /// Degrees of freedom of [`chi2_per_dof`](Self::chi2_per_dof).
     pub fn freedom(&self) -> f64 {
         self.scatter.iter().map(PlacementScatter::freedom).sum()
     }
 
-    /// The roots of those, one for all axes or one each.
+    /// Standard deviations between placements: one for all axes, or one for each.
     pub fn placement_std(&self) -> Vec<f64> {
         self.scatter.iter().map(|scatter| scatter.typical().sqrt()).collect()
     }
 
-    /// Variance between placements: likeliest, and such that 1.96 of its roots bound 95 %; and the variance of an estimate
+    /// Variance between placements: the likeliest; one of whose roots 1.96 bound 95 %; and the variance of an estimate
     /// of it.
     pub fn between_placements(&self) -> [f64; 3] {
         let scatter = self.of_axis(0);
         [scatter.typical(), scatter.most(), scatter.spread()]
     }
 
-    /// What unmodelled leaks do to the unknowns, which are the same at every placement, so that no repetition averages
-    /// them away.
+    /// Covariance of the unknowns from leaks, which are the same at every placement and do not average out.
     pub fn leakage(&self, solved: &Solved, gain: &DMatrix<f64>) -> DMatrix<f64> {
         let by_leak = gain * &solved.leaks * self.leak_rms;
         &by_leak * by_leak.transpose()
     }
 
-    /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability of
-    /// 95 %: Student's quantile is in it. `other` is what does not come from the equations.
+    /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability
+    /// of 95 %: it includes Student's quantile. `other` does not come from the equations.
     pub fn covariance(&self, shape: Parameterisation, solved: &Solved, other: &Other) -> DMatrix<f64> {
         let gain = solved.gain();
         let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + &other.covariance;

@@ -1,9 +1,9 @@
-//! Whether the bias of an accelerometer moved while its placements were seen: an axis may have stepped between two of them, or all
-//! three wandered all along. How the readings changed while the sensor lay still is told by the caller.
+//! Test whether the bias of an accelerometer moved during its placements: a step of one axis between two of them, or a
+//! drift of all three over the whole time.
 //!
-//! Each hypothesis adds unknowns to the fit, and the residuals tell their size (a conventional alternative hypothesis, Baarda
-//! 1968). It is believed where that size is beyond what placements scatter by, as many hypotheses having been tried, and no
-//! single wrong placement would explain the residuals better.
+//! Each hypothesis adds unknowns to the fit, whose size follows from the residuals (a conventional alternative
+//! hypothesis, Baarda 1968). It is accepted if that size exceeds the scatter of placements, given the number of
+//! hypotheses tried, and if no single wrong placement would explain the residuals better.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
@@ -11,71 +11,71 @@ use super::accelerometer::{Assumptions, MagnitudeEquation, Observation};
 use super::calibration::Calibration;
 use super::student_t::{normal_beyond, student};
 
-/// A bias that moved.
+/// Movement of a bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wandering {
-    /// When it moved, in seconds: evenly from the first of these to the second.
+    /// Start and end of the movement, s; it is linear in between.
     pub span: [f64; 2],
-    /// By how much, m/s².
+    /// Change of the bias, m/s².
     pub change: Vector3<f64>,
-    /// Standard deviation of that.
+    /// Standard deviation of the change, m/s².
     pub std: Vector3<f64>,
 }
 
-/// A rate at which readings changed while the sensor lay still, m/s² a second, with its standard deviation.
+/// Rate of change of the readings at rest, m/s² per second, with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
-    /// Of each axis.
+    /// Rate of each axis.
     pub rate: Vector3<f64>,
-    /// Of each axis.
+    /// Standard deviation of each axis.
     pub std: Vector3<f64>,
-    /// Degrees of freedom of that.
+    /// Degrees of freedom of the standard deviation.
     pub freedom: f64,
 }
 
-/// A change of an axis that was seen at some time, which may be a step of its bias or a tilt of the sensor.
+/// Observed change of an axis: a step of its bias or a tilt of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hint {
-    /// In seconds.
+    /// Time of the change, s.
     pub time: f64,
-    /// The axis.
+    /// Axis that changed.
     pub axis: usize,
-    /// By how much, m/s².
+    /// Size of the change, m/s².
     pub change: f64,
-    /// Standard deviation of that.
+    /// Standard deviation of the change, m/s².
     pub std: f64,
 }
 
-/// Honest placements are accused once in so many sessions.
+/// Probability that a session of correct placements is accused.
 const FALSE_ALARM: f64 = 0.01;
-/// What is assumed of the scatter is worth so many degrees of freedom.
+/// Degrees of freedom that the assumed scatter is worth.
 const TRUST: f64 = 4.0;
-/// A wrong placement is the likelier explanation if it explains so much more of the squares: e^−3 is 1 in 20.
+/// Excess of explained squares that makes a wrong placement the likelier explanation: e^−3 is 1 in 20.
 const LIKELIER: f64 = 6.0;
 
 impl Wandering {
-    /// Share of the change that has happened at a time.
+    /// Share of the change that has happened by a time.
     pub fn share(&self, time: f64) -> f64 {
         let [from, to] = self.span;
         ((time - from) / (to - from).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
     }
 
-    /// Whether it happened between two placements.
+    /// Whether the movement is a step: it takes less than half of the time between the first and the last placement.
     pub fn is_step(&self, first: f64, last: f64) -> bool {
         self.span[1] - self.span[0] < 0.5 * (last - first)
     }
 }
 
-/// The equations of the placements, in the order of their times, with the unknowns solved for.
+/// Equations of the placements, in order of time, with the unknowns solved for.
 struct Courses {
     times: Vec<f64>,
-    /// How the weighted targets answer to the bias of each axis.
+    /// Derivatives of the weighted targets with respect to the bias of each axis.
     by_bias: Vec<Vector3<f64>>,
     design: DMatrix<f64>,
     factor: Cholesky<f64, Dyn>,
     left: DVector<f64>,
     squares: f64,
-    /// The placement that stands out most, and what leaving it out would take off the squares.
+    /// Placement that deviates most, and by how much the squares decrease without it.
     outlier: usize,
     by_outlier: f64,
     freedom: f64,
@@ -129,7 +129,7 @@ impl Courses {
         })
     }
 
-    /// What the residuals tell of a course of each axis: information, and that times the change.
+    /// Information on a change of each axis that follows `share`, and that information times the change.
     fn told(&self, share: impl Fn(usize) -> f64) -> (Matrix3<f64>, Vector3<f64>) {
         let columns = DMatrix::from_fn(self.times.len(), 3, |row, axis| self.by_bias[row][axis] * share(row));
         let passed = self.design.tr_mul(&columns);
@@ -138,23 +138,23 @@ impl Courses {
         (Matrix3::from_fn(|i, j| information[(i, j)]), Vector3::from_fn(|i, _| moment[i]))
     }
 
-    /// Variance of a weighted residual beside hypotheses that explain so much of the squares by so many unknowns.
+    /// Variance of a weighted residual if hypotheses with `unknowns` explain so much of the squares.
     fn variance(&self, explained: f64, unknowns: f64) -> f64 {
         let freedom = (self.freedom - unknowns).max(0.0);
         ((self.squares - explained).max(0.0) + TRUST) / (freedom + TRUST)
     }
 
-    /// What a normal error exceeds with that probability, as Student's.
+    /// Student's quantile with a two-sided probability of `tail`.
     fn critical(&self, unknowns: f64, tail: f64) -> f64 {
         student((self.freedom - unknowns).max(0.0) + TRUST, tail, normal_beyond(tail / 2.0))
     }
 
-    /// By how much one wrong placement explains more of the squares, in units of 2 ln of the odds.
+    /// Excess of squares that one wrong placement explains, in units of 2 ln of the odds.
     fn outlier_lead(&self, explained: f64) -> f64 {
         (self.by_outlier - explained) / self.variance(self.by_outlier.max(explained), 1.0)
     }
 
-    /// All three axes wander from the first placement to the last.
+    /// Tests a drift of all three axes from the first placement to the last.
     fn ramp(&self, slope: Option<&Slope>) -> Option<(f64, Wandering)> {
         let (&first, &last) = (self.times.first()?, self.times.last()?);
         let length = (last - first).max(f64::MIN_POSITIVE);
@@ -166,7 +166,7 @@ impl Courses {
         let mut freedom = (self.freedom - 3.0).max(0.0) + TRUST;
         if let Some(slope) = slope {
             let told = slope.std.map(|std| (std * length).powi(-2));
-            // The worse known of the two counts by its share.
+            // The less certain of the two counts by its share.
             let share = told.sum() / (told.sum() + all.trace()).max(f64::MIN_POSITIVE);
             freedom += (slope.freedom - freedom) * share;
             all += Matrix3::from_diagonal(&told);
@@ -186,8 +186,8 @@ impl Courses {
         (told_by_slope || self.outlier_lead(explained) < LIKELIER).then_some((over, wandering))
     }
 
-    /// An axis stepped between two placements. What a single wrong placement would explain as well is one; but the last of its
-    /// axis may be what it reads by now.
+    /// Tests a step of one axis between two placements. A step that a single wrong placement explains as well is taken
+    /// for one, unless that placement is the last of its axis, which may show the new bias.
     fn step(&self) -> Option<(f64, Wandering)> {
         let count = self.times.len();
         let tells = |row: usize, axis: usize| {
@@ -208,7 +208,7 @@ impl Courses {
                 moment += by * self.left[row];
                 behind += usize::from(tells(row, axis));
                 let before = (0..row).filter(|row| tells(*row, axis)).count();
-                // Only where it is news: between placements that tell of the axis.
+                // Only between placements that tell about the axis.
                 if behind == 0 || before < 2 || !tells(row, axis) {
                     continue;
                 }
@@ -233,7 +233,7 @@ impl Courses {
         best
     }
 
-    /// Whether the placements speak against a step that was hinted at.
+    /// Whether the placements contradict a hinted step.
     fn excludes(&self, hint: &Hint) -> bool {
         /// Odds of 20 to 1, as a logarithm.
         const AGAINST: f64 = 3.0;
@@ -248,7 +248,7 @@ impl Courses {
         ((found - hint.change).powi(2) - found * found) / (2.0 * spread) > AGAINST
     }
 
-    /// How many of its own bars the unknowns move by with a step of an axis, at the most.
+    /// Largest shift of the unknowns by a step of an axis, in their standard deviations.
     fn moves(&self, hint: &Hint, bars: &[f64]) -> f64 {
         let column = DVector::from_fn(self.times.len(), |row, _| {
             if self.times[row] > hint.time { self.by_bias[row][hint.axis] * hint.change } else { 0.0 }
@@ -264,8 +264,8 @@ impl Courses {
     }
 }
 
-/// The likeliest way in which the bias moved, if it did beyond chance: placements with the times at which they were seen, in
-/// seconds, about a calibration of them.
+/// Finds the likeliest movement of the bias beyond chance, if any, from placements with their times (s) and a
+/// calibration of them.
 pub fn wandering(
     seen: &[(f64, Observation)],
     given: &Assumptions<'_>,
@@ -278,8 +278,8 @@ pub fn wandering(
     (over > 1.0).then_some(wandering)
 }
 
-/// The hint that may be a step of the bias as far as the placements tell, and would move an unknown by more than its bars (one
-/// standard deviation each).
+/// Largest hint that the placements do not exclude as a step of the bias and that would move an unknown by more than
+/// its bar (one standard deviation).
 pub fn unexcluded(
     seen: &[(f64, Observation)],
     given: &Assumptions<'_>,
@@ -287,7 +287,7 @@ pub fn unexcluded(
     hints: &[Hint],
     bars: &[f64],
 ) -> Option<Hint> {
-    // What is no more than placements differ by is in the bars.
+    // A change within the scatter of placements is in the bars.
     let scatter = 2.0 * given.placement_std;
     if hints.iter().all(|hint| hint.change.abs() <= scatter) {
         return None;
@@ -298,7 +298,7 @@ pub fn unexcluded(
     hints.iter().filter(counts).max_by(|a, b| a.change.abs().total_cmp(&b.change.abs())).copied()
 }
 
-/// The rate that several rests agree on, by how much each of them says: rate and standard deviation, m/s² a second.
+/// Weighted mean of the rates of several rests, each with its standard deviation, m/s² per second.
 pub fn slope(rates: &[(Vector3<f64>, f64)]) -> Option<Slope> {
     let freedom = rates.len().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
     let weights: f64 = rates.iter().map(|(_, std)| std.powi(-2)).sum();
@@ -320,7 +320,7 @@ mod tests {
 
     const G: f64 = 9.80665;
 
-    /// Each face so often, a placement every four seconds, with what moves the bias by then.
+    /// Result for `visits` placements on each face, four seconds apart, with a bias that moves by `moved`.
     fn found(seed: u64, visits: usize, scatter: f64, moved: impl Fn(f64) -> Vector3<f64>) -> Option<Wandering> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = |std: f64| Vector3::from_fn(|_, _| std * random.sample::<f64, _>(StandardNormal));
@@ -352,7 +352,7 @@ mod tests {
     fn placements_that_only_scatter_are_seldom_accused() {
         let accused = (0..400).filter(|seed| found(*seed, 2, 0.01, |_| Vector3::zeros()).is_some()).count();
         assert!(accused <= 12, "{accused} of 400");
-        // Nor where they scatter by more than is assumed.
+        // Nor if they scatter by more than assumed.
         let accused = (0..400).filter(|seed| found(*seed, 3, 0.02, |_| Vector3::zeros()).is_some()).count();
         assert!(accused <= 20, "{accused} of 400");
     }

@@ -1,5 +1,4 @@
-//! The error of a corrected reading at rest, in every direction of gravity at once and in the one where it is worst. How well the parameters are
-//! known is left to the fits.
+//! Error of a corrected reading at rest, in every direction of gravity at once and in the worst one.
 
 use nalgebra::{DMatrix, Matrix3, Matrix4, Vector3, Vector4};
 
@@ -8,19 +7,19 @@ use super::parameterisation::{Parameterisation, Term};
 use super::student_t::normal_beyond;
 
 /// Covariance of the error of a corrected reading as a function of direction: with h = (1, true specific force), entry
-/// (i, j) is `hᵀ M h` for a matrix M of each (i, j).
+/// (i, j) is `hᵀ M h`, with a matrix M for each (i, j).
 #[derive(Clone, Debug)]
 pub struct ReadingError {
     forms: [[Matrix4<f64>; 3]; 3],
     inverse: Matrix3<f64>,
     gravity: f64,
-    /// Unknowns of the model.
+    /// Number of unknowns of the model.
     parts: usize,
 }
 
 impl ReadingError {
-    /// From the covariance of the parameters, and the standard deviations of each entry of S that the shape leaves out and
-    /// of each one off the diagonal that what the triad was compared with leaves out.
+    /// Builds the covariance from that of the parameters and from two standard deviations: of each entry of S that the
+    /// shape leaves out, and of each off-diagonal entry that the triad it was compared with leaves out.
     pub fn new(
         shape: Parameterisation,
         covariance: &DMatrix<f64>,
@@ -29,7 +28,7 @@ impl ReadingError {
         gravity: f64,
     ) -> Self {
         let mut forms = [[Matrix4::zeros(); 3]; 3];
-        // At rest a term multiplies one entry of h; what the other sensor adds is nothing.
+        // At rest a term multiplies one entry of h; the other quantity adds nothing.
         let place = |term: &Term| match *term {
             Term::Bias(axis) => Some((axis, 0)),
             Term::Own(axis, column) => Some((axis, 1 + column)),
@@ -51,7 +50,7 @@ impl ReadingError {
         Self { forms, inverse, gravity, parts: shape.unknowns() }
     }
 
-    /// Covariance of the corrected reading while gravity's reaction points in a direction of unit length, (m/s²)².
+    /// Covariance of the corrected reading while true specific force points along the unit vector `up`, (m/s²)².
     pub fn covariance(&self, up: &Vector3<f64>) -> Matrix3<f64> {
         let h = Vector4::new(1.0, up.x * self.gravity, up.y * self.gravity, up.z * self.gravity);
         // δ(S⁻¹(m − b)) = −S⁻¹ ∂measured/∂parameters δparameters.
@@ -59,14 +58,14 @@ impl ReadingError {
         self.inverse * of_measured * self.inverse.transpose()
     }
 
-    /// The length, m/s², that the error keeps to in all directions at once with a probability of 95 %. It has as many
-    /// independent parts as the model has unknowns, each of which must keep to it (Šidák 1967).
+    /// Bound of the length of the error in all directions at once with a probability of 95 %, m/s². The error has as
+    /// many independent parts as the model has unknowns, and each must stay within the bound (Šidák 1967).
     pub fn worst(&self) -> f64 {
         let tail = 1.0 - libm::pow(0.95, 1.0 / self.parts as f64);
         self.summit(normal_beyond(tail))
     }
 
-    /// The length, m/s², that the error keeps to with a probability of 95 % in the direction where it is longest.
+    /// Bound of the length of the error with a probability of 95 %, in the direction where it is largest, m/s².
     pub fn worst_direction(&self) -> f64 {
         self.summit(normal_beyond(0.05))
     }
@@ -80,9 +79,9 @@ impl ReadingError {
     }
 }
 
-/// Climbs from a direction to the summit next to it, by ever smaller steps.
+/// Climbs from a direction to the nearest maximum, in ever smaller steps.
 fn climb(start: f64, from: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64) -> f64 {
-    /// Radians.
+    /// First and last step, radians.
     const FIRST: f64 = 0.4;
     const LAST: f64 = 0.002;
     let (mut best, mut up, mut step) = (start, from, FIRST);
@@ -100,13 +99,14 @@ fn climb(start: f64, from: Vector3<f64>, height: &impl Fn(&Vector3<f64>) -> f64)
     best
 }
 
-/// The largest error of a corrected reading, m/s², while the parameters are off by this.
+/// Largest error of a corrected reading while the parameters are off by `off`, m/s².
 pub(super) fn most(inverse: &Matrix3<f64>, off: &Calibration, gravity: f64) -> f64 {
     (inverse * off.bias).norm() + gravity * (inverse * off.sensitivity).norm()
 }
 
-/// Quantile of the length of a normal vector of this covariance, that which a normal number exceeds `normal` with; its square taken for a scaled χ² of the same mean and
-/// variance (Satterthwaite 1946), whose quantile is that of Wilson and Hilferty (1931). Within 2 % of the truth.
+/// Quantile of the length of a normal vector with this covariance; `normal` is that of a standard normal number. The
+/// squared length is taken for a scaled χ² of the same mean and variance (Satterthwaite 1946), with the quantile of
+/// Wilson and Hilferty (1931). Accurate within 2 %.
 fn length(covariance: &Matrix3<f64>, normal: f64) -> f64 {
     let mean = covariance.trace();
     let spread = (covariance * covariance).trace();
@@ -118,7 +118,7 @@ fn length(covariance: &Matrix3<f64>, normal: f64) -> f64 {
     (mean * (1.0 - v + normal * v.sqrt()).powi(3)).sqrt()
 }
 
-/// Faces, edges and corners of a cube.
+/// Directions of the faces, edges and corners of a cube.
 pub fn directions() -> impl Iterator<Item = Vector3<f64>> {
     let axis = [-1.0, 0.0, 1.0];
     axis.into_iter()
@@ -138,7 +138,7 @@ mod tests {
 
     const G: f64 = 9.8;
 
-    /// A covariance, and a matrix that makes its errors out of normal numbers.
+    /// Random covariance, and its root, which makes errors out of normal numbers.
     fn any(shape: Parameterisation, random: &mut ChaCha8Rng) -> (DMatrix<f64>, DMatrix<f64>) {
         let n = shape.unknowns();
         let root = DMatrix::from_fn(n, n, |row, _| {
