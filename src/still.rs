@@ -1,11 +1,10 @@
-//! Whether a sensor rests, and what it read while it did. What the rests say about the sensor is left to
-//! [`fit`](crate::fit).
+//! Detection of zero-velocity segments (rests), and the statistics of their readings.
 //!
 //! Biases are unknown, so a test on ‖a‖ − g cannot work. The generalised likelihood-ratio test for zero velocity with
 //! unknown mean (Skog et al., "Zero-velocity detection", IEEE TBME 2010, with the mean as a nuisance parameter) is the
-//! variance in a sliding window, held against the sensor's own noise floor. Theirs is one joint test of accelerometer and
-//! gyroscope, the sum of both; here each triad is tested by itself and the loudest decides, so that a quiet one cannot
-//! outvote a moving one.
+//! variance in a sliding window, relative to the sensor's own noise floor. Theirs is one joint test of accelerometer
+//! and gyroscope, the sum of both; here each triad is tested separately and the loudest decides, so that a quiet one
+//! cannot outvote a moving one.
 
 mod allan_variance;
 mod config;

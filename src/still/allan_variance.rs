@@ -1,81 +1,80 @@
 //! Allan variance of one triad at rest, by octaves: a cascade of averages in constant memory, and its sums over rests.
-//! What noise they speak of is left to the fit.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// An octave compares means of so many averages …
+/// Number of averages in a mean that an octave compares …
 const OVERLAP: u64 = 4;
-/// … with as many before them, and no rest has more octaves than this.
+/// … with as many before them. No rest has more octaves than this.
 const MAX_OCTAVES: usize = 28;
 
-/// Squared differences of neighbouring means over τ = 4·2^l samples, every quarter of τ, of one octave l.
+/// Octave l: squared differences of neighbouring means over τ = 4·2^l samples, taken every quarter of τ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Octave {
-    /// Σ d² by axis.
+    /// Sum Σ d² of each axis.
     pub squares: Vector3<f64>,
-    /// How many differences.
+    /// Number of differences.
     pub count: u64,
     /// Degrees of freedom of the sum if the noise is white, and if it is a random walk (NIST SP 1065, 5.4).
     pub freedom: [f64; 2],
 }
 
-/// Sums over rests. Those of several recordings at one rate add up.
+/// Sums over rests. Those of several recordings at one rate can be added.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Octaves {
-    /// Samples in the rests.
+    /// Number of samples in the rests.
     pub samples: u64,
-    /// How many rests.
+    /// Number of rests.
     pub rests: u32,
-    /// Seconds of the shortest; infinite without one.
+    /// Duration of the shortest rest, s; infinite without one.
     pub shortest: f64,
-    /// From τ = 4 samples on.
+    /// Octaves, from τ = 4 samples on.
     pub octaves: Vec<Octave>,
 }
 
 /// Allan sums of one triad over all its rests.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AllanSums {
-    /// Seconds in the rests.
+    /// Total duration of the rests, s.
     pub seconds: f64,
-    /// Of every rest.
+    /// Sums over all rests.
     pub all: Octaves,
-    /// Of the long rests, without the first seconds in which what was put down settles.
+    /// Sums over the long rests, without the first seconds, in which a sensor that was put down settles.
     pub lasting: Octaves,
 }
 
-/// The open rest of one triad as averages over 2^l samples of each level l.
+/// Open rest of one triad, as averages over 2^l samples of each level l.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Cascade {
-    /// What readings are taken relative to, so that no digits are lost to gravity.
+    /// Origin of the readings, so that no digits are lost to gravity.
     origin: Vector3<f64>,
     samples: u64,
     settling: u64,
     levels: Vec<Level>,
 }
 
-/// The last averages of a level.
+/// Latest averages of a level.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Level {
-    /// How many there were.
+    /// Number of averages so far.
     seen: u64,
-    /// The last four, a ring, and the last four sums of four.
+    /// Last four averages as a ring, and the last four sums of four.
     averages: [Vector3<f64>; 4],
     sums: [Vector3<f64>; 4],
     all: (Vector3<f64>, u64),
-    /// Of differences that see nothing of the first seconds.
+    /// Sum and number of the squared differences that do not touch the first seconds.
     settled: (Vector3<f64>, u64),
 }
 
 impl AllanSums {
-    /// Seconds between samples.
+    /// Sample period, s.
     pub fn period(&self) -> Option<f64> {
         let intervals = self.all.samples.checked_sub(self.all.rests.into()).filter(|intervals| *intervals > 0)?;
         Some(self.seconds / intervals as f64)
     }
 
-    /// Those of one rest, sampled every `period` seconds: the first `settling` samples are not used for long rests, which
-    /// last for at least `lasting` seconds.
+    /// Computes the sums of one rest, sampled every `period` seconds. The first `settling` samples do not count for
+    /// long rests, which last at least `lasting` seconds.
     pub fn of_rest(values: &[Vector3<f64>], period: f64, settling: u64, lasting: f64) -> Option<Self> {
         let mut cascade = Cascade::default();
         cascade.begin(settling);
@@ -83,7 +82,7 @@ impl AllanSums {
         cascade.end(period * values.len().checked_sub(1)? as f64, lasting)
     }
 
-    /// Adds what others read at the same rate. Nothing is added at a rate that differs by more than a fiftieth.
+    /// Adds the sums of other rests at the same rate. Those at a rate that differs by more than 2 % are ignored.
     pub fn add(&mut self, other: &Self) {
         const ALIKE: f64 = 0.02;
         if let (Some(mine), Some(theirs)) = (self.period(), other.period())
@@ -98,7 +97,7 @@ impl AllanSums {
 }
 
 impl Octaves {
-    /// Adds what other rests told.
+    /// Adds the sums of other rests.
     pub fn add(&mut self, other: &Self) {
         if other.rests == 0 {
             return;
@@ -116,7 +115,7 @@ impl Octaves {
         }
     }
 
-    /// Of one rest.
+    /// Collects the octaves of one rest.
     fn of(levels: impl Iterator<Item = (Vector3<f64>, u64)>, samples: u64, seconds: f64) -> Self {
         let octaves = levels.enumerate().map(|(level, (squares, count))| {
             let freedom = if count > 0 { freedom(samples, OVERLAP << level) } else { [0.0; 2] };
@@ -129,8 +128,8 @@ impl Octaves {
     }
 }
 
-/// Equivalent degrees of freedom of overlapping Allan variances over `m` of `n` samples: white noise and random walk of the
-/// quantity (NIST SP 1065, table 5: "white FM" and "random walk FM"), never below one.
+/// Equivalent degrees of freedom of overlapping Allan variances over `m` of `n` samples, for white noise and random
+/// walk of the quantity (NIST SP 1065, table 5: "white FM" and "random walk FM"), at least one.
 fn freedom(n: u64, m: u64) -> [f64; 2] {
     let (n, m) = (n as f64, m as f64);
     let white = (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * (4.0 * m * m) / (4.0 * m * m + 5.0);
@@ -139,7 +138,7 @@ fn freedom(n: u64, m: u64) -> [f64; 2] {
 }
 
 impl Cascade {
-    /// A rest begins, of whose samples the first `settling` are not settled.
+    /// Begins a rest, of whose samples the first `settling` are not settled.
     pub(super) fn begin(&mut self, settling: u64) {
         self.levels.clear();
         (self.samples, self.settling) = (0, settling);
@@ -162,7 +161,7 @@ impl Cascade {
         }
     }
 
-    /// What the rest told, by its length in seconds and from when on it is a long one.
+    /// Returns the sums of the rest, which lasted `seconds`; from `lasting` seconds on it is a long one.
     pub(super) fn end(&self, seconds: f64, lasting: f64) -> Option<AllanSums> {
         if self.samples < 2 {
             return None;
@@ -178,7 +177,7 @@ impl Cascade {
 }
 
 impl Level {
-    /// Takes the next average over 2^`level` samples; every second one makes one of the next level.
+    /// Takes the next average over 2^`level` samples; every second one yields an average of the next level.
     fn push(&mut self, average: Vector3<f64>, level: usize, settling: u64) -> Option<Vector3<f64>> {
         let place = (self.seen % OVERLAP) as usize;
         self.seen += 1;
@@ -212,7 +211,7 @@ mod tests {
 
     use super::*;
 
-    /// The same in one piece: averages of 2^l samples, means of four of them, their differences.
+    /// The same computation at once: averages of 2^l samples, means of four of them, their differences.
     fn vectorised(values: &[f64], level: usize, skip: usize) -> (f64, u64) {
         let averages: Vec<f64> =
             values.chunks_exact(1 << level).map(|chunk| chunk.iter().sum::<f64>() / chunk.len() as f64).collect();
@@ -274,7 +273,7 @@ mod tests {
 
     #[test]
     fn white_noise_has_the_degrees_of_freedom_that_theory_gives() {
-        // The variance of an average of squares with ν degrees of freedom is 2σ⁴/ν.
+        // An average of squares with ν degrees of freedom has a variance of 2σ⁴/ν.
         let mut state = 1_u64;
         let mut uniform = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

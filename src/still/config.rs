@@ -2,37 +2,38 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How rests are found.
+/// Settings of the detection of rests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Which detector decides.
+    /// Detector that decides.
     pub detector: Detector,
-    /// Length of the sliding window, in seconds; never fewer than 20 samples.
+    /// Length of the sliding window, s; at least 20 samples.
     pub window_s: f64,
-    /// The state becomes STILL once the statistic has stayed under this multiple of the noise floor …
+    /// Multiple of the noise floor below which the statistic must stay for the state to become STILL …
     pub enter: f64,
-    /// … for this long, in seconds,
+    /// … for this long, s.
     pub settle_s: f64,
-    /// and MOVING when it exceeds this multiple.
+    /// Multiple of the noise floor above which the state becomes MOVING.
     pub leave: f64,
-    /// Shorter rests are not reported, in seconds.
+    /// Shortest rest that is reported, s.
     pub min_rest_s: f64,
-    /// Shorter rests are reported but do not enter the fit, in seconds.
+    /// Shortest rest that enters the fit, s.
     pub min_fit_s: f64,
-    /// Longer rests are split, in seconds.
+    /// Longest rest, s; longer ones are split.
     pub max_duration_s: f64,
-    /// Least forward jump of the stamps that counts as a gap, in seconds; never fewer than five sample periods.
+    /// Least forward jump of the stamps that counts as a gap, s; at least five sample periods.
     pub gap_s: f64,
-    /// Readings that come later than others by no more, in seconds of their stamps, are sorted in; 0 sorts none.
+    /// Largest delay of a reading behind others, in seconds of their stamps, at which it is still sorted in; 0 sorts
+    /// none.
     pub late_s: f64,
-    /// Noise of an accelerometer axis above which nothing is believed to be a rest, in m/s².
+    /// Noise of an accelerometer axis above which nothing is accepted as a rest, m/s².
     pub accel_ceiling: f64,
-    /// Noise of a gyroscope axis above which nothing is believed to be a rest, in rad/s.
+    /// Noise of a gyroscope axis above which nothing is accepted as a rest, rad/s.
     pub gyro_ceiling: f64,
-    /// How far the window mean of the accelerometer may wander during a rest, in m/s².
+    /// Largest wander of the accelerometer's window mean during a rest, m/s².
     pub max_creep: f64,
-    /// How far the mean rates of two rests may differ before one of them is a turn, in rad/s.
+    /// Largest difference between the mean rates of two rests; beyond it one of them is a turn, rad/s.
     pub max_turn: f64,
 }
 
@@ -57,7 +58,7 @@ impl Default for Config {
     }
 }
 
-/// A way to tell rest from motion.
+/// Detector of rest and motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detector {

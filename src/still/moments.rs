@@ -1,14 +1,14 @@
-//! Running mean and covariance of vectors, by Welford's update: exact to rounding whatever the offset.
+//! Running mean and covariance of vectors by Welford's update, exact to rounding at any offset.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Count, mean and scatter of the vectors seen.
+/// Count, mean and scatter of vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
     count: u64,
     mean: Vector3<f64>,
-    /// Σ (x − mean)(x − mean)ᵀ.
+    /// Scatter matrix Σ (x − mean)(x − mean)ᵀ.
     scatter: Matrix3<f64>,
 }
 
@@ -21,17 +21,17 @@ impl Moments {
         self.scatter += before * (value - self.mean).transpose();
     }
 
-    /// How many vectors.
+    /// Number of vectors.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their mean, zero if there are none.
+    /// Mean of the vectors, zero if there are none.
     pub fn mean(&self) -> Vector3<f64> {
         self.mean
     }
 
-    /// Their sample covariance (divisor n − 1), zero for fewer than two.
+    /// Sample covariance of the vectors (divisor n − 1), zero for fewer than two.
     pub fn covariance(&self) -> Matrix3<f64> {
         if self.count < 2 { Matrix3::zeros() } else { self.scatter / (self.count - 1) as f64 }
     }

@@ -1,54 +1,55 @@
-//! The noise floor of a triad, learned from whatever it does.
+//! Noise floor of one triad, learned online, in motion and at rest.
 //!
-//! The deviations of all windows go into a logarithmic histogram; the floor is a low quantile of them, over what the 2 %
-//! quantile is of white noise. The quantile taken is of all windows, 12 % of the first few and 0.1 % of a day's, and what
-//! it is of those at rest depends on how many rest: the constant correction leaves an error of some 10 %, small beside
-//! the factors that the floor is multiplied with. It needs no still start, and finds the quiet level of any recording.
-//! Whether that level is believed to be rest is left to the [`triad_track`](super::track).
+//! The deviations of all windows go into a logarithmic histogram. The floor is a low quantile of them, divided by the 2
+//! % quantile for white noise. The quantile is of all windows: 12 % of the first few, 0.1 % of a day's. Which quantile
+//! of the windows at rest it is depends on how many are at rest, so the constant correction leaves an error of some 10
+//! %, small beside the factors that the floor is multiplied with. No still start is needed: the quiet level of any
+//! recording is found. [`TriadTrack`](super::triad_track::TriadTrack) decides whether that level can be rest.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Learns the deviation √(Σ variance of the axes) of a triad at rest.
+/// Estimator of the deviation √(Σ variance of the axes) of a triad at rest.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct NoiseFloor {
     /// Degrees of freedom of one window's deviation: three axes, n − 1 each.
     freedom: f64,
-    /// How many windows had a deviation in each bin.
+    /// Number of windows with a deviation in each bin.
     bins: Vec<u32>,
     windows: u64,
-    /// Windows without any deviation.
+    /// Number of windows without any deviation.
     constant: u64,
-    /// Highest level that can be rest.
+    /// Highest level that can be rest, in the unit of the triad.
     ceiling: f64,
     lowest_bin: usize,
     /// Smallest step seen between two readings of one axis.
     step: Option<f64>,
-    /// Readings that were the reading before.
+    /// Number of readings that equal the reading before.
     repeated: u64,
     last: Option<Vector3<f64>>,
     level: Option<f64>,
 }
 
-/// Bins an octave, as a power of two: 2⁵ = 32 bins, each 2 to 3 % wide.
+/// Binary logarithm of the bins an octave: 2⁵ = 32 bins, each 2 to 3 % wide.
 const SUB_BITS: u32 = 5;
-/// Deviations from 2⁻⁴⁰ to 2²⁴ can be told apart.
+/// Range of the histogram: deviations from 2⁻⁴⁰ to 2²⁴.
 const OCTAVES: std::ops::Range<i64> = -40..24;
 const BINS: usize = ((OCTAVES.end - OCTAVES.start) << SUB_BITS) as usize;
-/// So many windows must have been seen before the floor means anything.
+/// Fewest windows for a meaningful floor.
 const SETTLED: u64 = 8;
-/// The quantile that is aimed at and corrected for, and its standard normal deviate.
+/// Target quantile, which is corrected for, and its standard normal deviate.
 const QUANTILE: f64 = 0.02;
 const QUANTILE_NORMAL: f64 = -2.054;
-/// A couple of seconds at rest suffice, in a recording of an hour as in one of a minute …
+/// Number of windows, a couple of seconds of rest, that suffice in a recording of a minute or an hour …
 const FEW_WINDOWS: f64 = 16.0;
-/// … but in one of a day, a few oddly quiet seconds do not.
+/// … but in one of a day, a few oddly quiet seconds do not: least quantile.
 const LEAST_QUANTILE: f64 = 0.001;
-/// One constant window in so many is a dead band or a simulation without noise, not a stream that froze for a moment.
+/// From one constant window in so many on, it is a dead band or a simulation without noise, not a stream that froze for
+/// a moment.
 const DEAD_BAND: u64 = 8;
 
 impl NoiseFloor {
-    /// For windows of so many samples, of a triad whose level at rest is no higher than `ceiling`.
+    /// Creates a floor for windows of `window` samples, of a triad whose level at rest is at most `ceiling`.
     pub(super) fn new(window: usize, ceiling: f64) -> Self {
         Self {
             freedom: 3.0 * (window.max(2) - 1) as f64,
@@ -64,12 +65,12 @@ impl NoiseFloor {
         }
     }
 
-    /// Sees one sample, for the quantisation step.
+    /// Takes one sample, for the quantisation step.
     pub(super) fn sample(&mut self, value: &Vector3<f64>) {
         if let Some(last) = self.last {
             self.repeated += u64::from(last == *value);
             for step in (value - last).iter().map(|d| d.abs()) {
-                // Below that it is rounding of the conversion to SI units, not a step of the converter.
+                // Smaller steps are rounding of the conversion to SI units, not steps of the converter.
                 if step > 1e-7 && self.step.is_none_or(|least| step < least) {
                     self.step = Some(step);
                 }
@@ -78,7 +79,7 @@ impl NoiseFloor {
         self.last = Some(*value);
     }
 
-    /// Sees the deviation of one window. Windows should overlap by no more than half.
+    /// Takes the deviation of one window. Windows should overlap by no more than half.
     pub(super) fn window(&mut self, deviation: f64) {
         if deviation <= 0.0 {
             self.constant += 1;
@@ -93,21 +94,21 @@ impl NoiseFloor {
         self.level = self.quantile();
     }
 
-    /// Whether enough was seen for the level to mean anything.
+    /// Whether enough windows were seen for a meaningful level.
     pub(super) fn is_settled(&self) -> bool {
         self.windows >= SETTLED
     }
 
-    /// The floor: √(Σ variance of the axes) at rest, in the unit of the triad.
+    /// Noise floor: √(Σ variance of the axes) at rest, in the unit of the triad.
     pub(super) fn level(&self) -> Option<f64> {
-        // Three axes with the variance of a uniform error of one step.
+        // Deviation of three axes with a uniform error of one step each.
         let quantisation = 0.5 * self.step.unwrap_or(0.0);
         let noise = self.level.map(|level| level.max(quantisation));
         if self.step.is_some() && self.rests_constant() { Some(quantisation) } else { noise }
     }
 
-    /// Whether rest has no noise at all. Where some noise is low enough to be rest, a constant stretch is a stream that is
-    /// republished or dead, and says nothing.
+    /// Whether rest has no noise at all. Where some noise is low enough to be rest, a constant stretch is a stream that
+    /// is republished or dead, and says nothing.
     fn rests_constant(&self) -> bool {
         let noisy_rest = self.level.is_some_and(|level| level <= self.ceiling);
         !noisy_rest && self.constant.saturating_mul(DEAD_BAND) >= self.windows.max(1)
@@ -118,7 +119,7 @@ impl NoiseFloor {
         self.step
     }
 
-    /// How many readings were, in all three axes, the reading before.
+    /// Number of readings that equal the reading before in all three axes.
     pub(super) fn repeated(&self) -> u64 {
         self.repeated
     }
@@ -134,7 +135,7 @@ impl NoiseFloor {
         found.map(|(bin, _)| centre(bin) / self.white_quantile())
     }
 
-    /// That quantile of the deviation of white noise of unit deviation: χ by Wilson and Hilferty (1931).
+    /// The 2 % quantile of the deviation of white noise of unit deviation: χ by Wilson and Hilferty (1931).
     fn white_quantile(&self) -> f64 {
         let v = 2.0 / (9.0 * self.freedom);
         let cube_root = 1.0 - v + QUANTILE_NORMAL * v.sqrt();
@@ -142,14 +143,14 @@ impl NoiseFloor {
     }
 }
 
-/// The bin of a positive deviation: exponent and leading bits of the mantissa, a logarithm without computing one.
+/// Bin of a positive deviation: exponent and leading bits of the mantissa, a logarithm without computing one.
 fn bin(deviation: f64) -> usize {
     let bits = deviation.to_bits() >> (52 - SUB_BITS);
     let lowest = ((1023 + OCTAVES.start) as u64) << SUB_BITS;
     usize::try_from(bits.saturating_sub(lowest)).unwrap_or(BINS).min(BINS - 1)
 }
 
-/// The deviation in the middle of a bin.
+/// Deviation in the middle of a bin.
 fn centre(bin: usize) -> f64 {
     let lowest = ((1023 + OCTAVES.start) as u64) << SUB_BITS;
     let lower = (bin as u64 + lowest) << (52 - SUB_BITS);
@@ -165,7 +166,7 @@ mod tests {
     use super::*;
     use crate::still::window::Window;
 
-    /// Feeds white noise whose deviation is `sigma(second)`, 100 samples a second.
+    /// Learns from white noise whose deviation is `sigma(second)`, 100 samples a second.
     fn learn(seconds: usize, sigma: impl Fn(usize) -> f64) -> NoiseFloor {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
         let (mut floor, mut window) = (NoiseFloor::new(25, 0.15), Window::new(25));

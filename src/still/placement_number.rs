@@ -1,8 +1,8 @@
 //! Number of the placement that a rest belongs to: rests between which the sensor was not moved away share one.
 //!
-//! Motion alone makes no new placement, since a knock of the table is motion too. In between the sensor must have been
-//! turned, which its gyroscope shows by the furthest that it ever was from where it lay; without a gyroscope, which way
-//! the specific force went for longer than a knock lasts.
+//! Motion alone makes no new placement, since a knock of the table is motion too. The sensor must also have been
+//! turned. A gyroscope shows that by the largest angle from the pose at rest; without one, the specific force shows it
+//! by a change that lasts longer than a knock.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -11,24 +11,24 @@ use super::rest::TriadMean;
 use crate::Stamp;
 use crate::imu::Sample;
 
-/// A hand turns what it lifts by more than this, in rad: five degrees; a knock does not.
+/// Least angle by which a hand turns what it lifts, rad: five degrees; a knock stays below.
 const TURNED: f64 = 0.087;
-/// Specific force that lasts and is off by so much is a turn of 15° or a lift, in m/s².
+/// Least lasting change of specific force that is a turn of 15° or a lift, m/s².
 const SHIFTED: f64 = 2.5;
-/// Two rests that read further apart than this lie in another pose, in m/s²: five degrees.
+/// Least difference between two rests in different poses, m/s²: five degrees.
 const OTHER_POSE: f64 = 0.85;
-/// A knock is over in a fraction of this, in seconds.
+/// Time constant of a lasting change, s; a knock is over in a fraction of it.
 const LASTING: f64 = 0.5;
-/// Samples further apart than this say nothing of the time between them, in seconds.
+/// Longest interval between samples that is integrated across, s.
 const GAP: f64 = 0.1;
 
-/// The placement that the IMU is in.
+/// Current placement of the IMU.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Placement {
     number: u32,
-    /// What its first rest read.
+    /// Mean of the accelerometer in its first rest.
     first: Option<TriadMean>,
-    /// Since the last rest, if it has moved at all.
+    /// Motion since the last rest, and whether there was any.
     journey: Journey,
     moved: bool,
 }
@@ -36,24 +36,24 @@ pub(super) struct Placement {
 /// Motion since the last rest.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Journey {
-    /// What the gyroscope read at rest, rad/s.
+    /// Mean rate at the last rest, rad/s.
     bias: Vector3<f64>,
     last_rate: Option<Stamp>,
-    /// ∫ rate dt, rad; a knock turns back, so the order of small turns does not matter.
+    /// Integral ∫ rate dt, rad; a knock turns back, so the order of small turns does not matter.
     turned: Vector3<f64>,
     furthest: f64,
-    /// Whether a gyroscope followed it.
+    /// Whether there were readings of a gyroscope.
     followed: bool,
     last_force: Option<Stamp>,
-    /// Specific force off that of the rest, low-passed, m/s².
+    /// Low-passed difference of specific force from that of the rest, m/s².
     off: Vector3<f64>,
     furthest_off: f64,
 }
 
 impl Placement {
-    /// The number of a rest's placement. Without motion since the last rest, after a split or a gap, it is the same as
-    /// long as it reads what the first rest of the placement read: what wandered by more than `max_creep` (m/s²) is another,
-    /// however slowly it went. After motion it is another if the sensor was moved away.
+    /// Number of a rest's placement. Without motion since the last rest, after a split or a gap, it stays while the
+    /// rest reads the same as the first one of the placement: a mean that wandered by more than `max_creep` (m/s²)
+    /// makes a new placement, however slowly. After motion the placement is new if the sensor was moved away.
     pub(super) fn place(&mut self, mean: &TriadMean, rate: Option<&TriadMean>, max_creep: f64) -> u32 {
         let stays = self.first.as_ref().is_some_and(|first| {
             let apart = (mean.mean - first.mean).norm();
@@ -72,17 +72,17 @@ impl Placement {
         self.number
     }
 
-    /// The number of the last rest's.
+    /// Number of the last rest's placement.
     pub(super) fn number(&self) -> u32 {
         self.number
     }
 
-    /// There was motion.
+    /// Records motion since the last rest.
     pub(super) fn moved(&mut self) {
         self.moved = true;
     }
 
-    /// Nothing that was read before is to be compared with what is read from now on.
+    /// Drops the readings so far from later comparisons.
     pub(super) fn forget(&mut self) {
         self.first = None;
     }
@@ -116,7 +116,7 @@ impl Journey {
     }
 }
 
-/// How far two means of one placement may differ, m/s², when their difference has so much noise.
+/// Largest difference of two means of one placement, m/s², for a given noise of their difference.
 pub(super) fn creep_limit(max_creep: f64, noise: f64) -> f64 {
     max_creep + 4.0 * noise
 }

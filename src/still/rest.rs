@@ -1,4 +1,4 @@
-//! What the triads of an IMU read while it rested.
+//! Rest: mean and noise of the triads of an IMU during a zero-velocity segment.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -8,32 +8,32 @@ use super::saturation::ReadingRange;
 use crate::Stamp;
 use crate::imu::Sensor;
 
-/// One zero-velocity segment.
+/// Zero-velocity segment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rest {
-    /// First sample.
+    /// Stamp of the first sample.
     pub start: Stamp,
-    /// Last sample.
+    /// Stamp of the last sample.
     pub end: Stamp,
-    /// Rests with no motion between them share a number.
+    /// Number of the placement; rests between which the sensor was not moved away share one.
     pub placement: u32,
-    /// Whether it follows one whose mean wandered off, with nothing loud between them: both are pieces of a slide.
+    /// Whether it follows a rest that ended by creep, with nothing loud in between: both are pieces of a slide.
     pub crept: bool,
-    /// The primary accelerometer, m/s².
+    /// Readings of the primary accelerometer, m/s².
     pub accelerometer: TriadMean,
-    /// The gyroscope, rad/s, if there is one.
+    /// Readings of the gyroscope, rad/s, if there is one.
     pub gyroscope: Option<TriadMean>,
-    /// The secondary accelerometers in the order of the configuration, m/s²; absent where one was silent.
+    /// Readings of the secondary accelerometers in the order of the configuration, m/s²; `None` where one was silent.
     pub secondary: Vec<Option<TriadMean>>,
 }
 
 impl Rest {
-    /// Length in seconds.
+    /// Duration, s.
     pub fn seconds(&self) -> f64 {
         self.end.seconds_since(self.start)
     }
 
-    /// The same without what a triad read; nothing is left without the primary accelerometer.
+    /// Removes the readings of a triad; `None` without the primary accelerometer.
     pub fn without(mut self, sensor: Sensor) -> Option<Self> {
         match sensor {
             Sensor::Accelerometer => return None,
@@ -52,23 +52,23 @@ impl Rest {
 /// Mean and noise of one triad during a rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriadMean {
-    /// How many samples.
+    /// Number of samples.
     pub samples: u64,
-    /// How many uncorrelated samples would have told as much.
+    /// Effective number: as many uncorrelated samples would determine the mean equally well.
     pub effective: f64,
-    /// Their mean.
+    /// Mean of the samples.
     pub mean: Vector3<f64>,
     /// Covariance of one sample.
     pub covariance: Matrix3<f64>,
     /// Change of each axis from start to end along the line of best fit.
     pub trend: Vector3<f64>,
-    /// Standard deviation that noise gives the length of the trend, itself not counted as noise.
+    /// Standard deviation of the length of the trend from noise; the trend itself is not counted as noise.
     pub trend_noise: f64,
-    /// Means of the first and of the last whole window; of everything where no window is whole.
+    /// Means of the first and of the last complete window; the overall mean if no window is complete.
     pub ends: [Vector3<f64>; 2],
     /// Lowest and highest readings.
     pub extremes: ReadingRange,
-    /// How many samples the driver called clipped.
+    /// Number of samples that the driver reported as clipped.
     pub clipped: u64,
 }
 
@@ -89,20 +89,20 @@ impl TriadMean {
     }
 }
 
-/// By how much the mean of correlated samples varies more than that of as many uncorrelated ones.
+/// Variance inflation of a mean due to correlation between the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Correlation {
-    /// Variance of the means of batches over what it would be without correlation. By chance it may be below one.
+    /// Variance of the means of batches, relative to that without correlation. By chance it may be below one.
     inflation: f64,
-    /// How much that is worth: one batch less than there were.
+    /// Weight of this estimate: the number of batches less one.
     weight: f64,
 }
 
 impl Correlation {
-    /// Nothing is known of it.
+    /// Unknown correlation.
     pub(super) const UNKNOWN: Self = Self { inflation: 1.0, weight: 0.0 };
 
-    /// Both together.
+    /// Weighted mean of both.
     pub(super) fn and(self, other: Self) -> Self {
         let weight = self.weight + other.weight;
         if weight <= 0.0 {
@@ -111,13 +111,13 @@ impl Correlation {
         Self { inflation: (self.inflation * self.weight + other.inflation * other.weight) / weight, weight }
     }
 
-    /// The same, worth no more than so many batches.
+    /// Same correlation, with a weight of at most `weight`.
     fn at_most(self, weight: f64) -> Self {
         Self { weight: self.weight.min(weight), ..self }
     }
 }
 
-/// Sums over the open rest of one triad, in constant memory.
+/// Running sums over the open rest of one triad, in constant memory.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sums {
     start: Stamp,
@@ -125,12 +125,12 @@ pub(super) struct Sums {
     batch_size: u64,
     batch: Vector3<f64>,
     batch_count: u64,
-    /// Of the means of whole batches.
+    /// Moments of the means of complete batches.
     batches: Moments,
-    /// The first and the last of them.
+    /// First and last of these means.
     ends: Option<[Vector3<f64>; 2]>,
     extremes: Option<ReadingRange>,
-    /// Mean of the times since start, their sum of squared deviations, and that with the values.
+    /// Mean of the times since start, their sum of squared deviations, and their sum of products with the values.
     time_mean: f64,
     time_squares: f64,
     time_products: Vector3<f64>,
@@ -182,7 +182,7 @@ impl Sums {
         }
     }
 
-    /// One of its samples was clipped.
+    /// Counts one of its samples as clipped.
     pub(super) fn clip(&mut self) {
         self.clipped += 1;
     }
@@ -196,17 +196,17 @@ impl Sums {
         self.bounds
     }
 
-    /// Σ variance of the axes so far.
+    /// Sum of the variances of the axes so far.
     pub(super) fn variance(&self) -> f64 {
         self.all.variance()
     }
 
-    /// The mean of everything so far and its count, if there is anything.
+    /// Mean of all samples so far and their number, if there are any.
     pub(super) fn mean(&self) -> Option<(Vector3<f64>, u64)> {
         (self.all.count() > 0).then(|| (self.all.mean(), self.all.count()))
     }
 
-    /// What the triad read, given how correlated its earlier rests were.
+    /// Summarises the readings of the triad, given the usual correlation of its earlier rests.
     pub(super) fn finish(&self, usual: Correlation) -> Option<TriadMean> {
         let correlation = self.correlation_about(self.all.variance(), self.batches.variance());
         Some(TriadMean {
@@ -222,7 +222,7 @@ impl Sums {
         })
     }
 
-    /// How correlated the noise is; nothing is said of a rest that wanders, whose batches differ for another reason.
+    /// Correlation of the noise; unknown for a rest that wanders, whose batches differ for another reason.
     pub(super) fn correlation(&self) -> Correlation {
         const WANDERS: f64 = 4.0;
         match self.trend().norm() > WANDERS * self.trend_noise(Correlation::UNKNOWN) {
@@ -231,15 +231,15 @@ impl Sums {
         }
     }
 
-    /// Slope of the regression on time, times the duration.
+    /// Trend: slope of the regression on time, times the duration.
     fn trend(&self) -> Vector3<f64> {
         let seconds = self.bounds.map_or(0.0, |(first, last)| last.seconds_since(first));
         if self.time_squares > 0.0 { self.time_products * (seconds / self.time_squares) } else { Vector3::zeros() }
     }
 
-    /// Method of batch means (Conway 1963): if noise were white, the variance of the means of `batch_size` samples would
-    /// be that of one sample over `batch_size`; what it is more is correlation. From the variances of one sample and of a
-    /// batch mean.
+    /// Method of batch means (Conway 1963): for white noise, the variance of the means of `batch_size` samples is that
+    /// of one sample over `batch_size`; any excess is correlation. Takes the variances of one sample and of a batch
+    /// mean.
     fn correlation_about(&self, of_one: f64, of_batch: f64) -> Correlation {
         if self.batches.count() < 2 || of_one <= 0.0 {
             return Correlation::UNKNOWN;
@@ -248,19 +248,19 @@ impl Sums {
         Correlation { inflation, weight: (self.batches.count() - 1) as f64 }
     }
 
-    /// As many uncorrelated samples. A few batches say little, and what they say by chance must not pass for correlation:
-    /// the verdict is shrunk towards that of earlier rests, and towards white.
+    /// Effective number of samples. A few batches say little, and their chance result must not pass for correlation:
+    /// the estimate is shrunk towards that of earlier rests, and towards white noise.
     fn effective(&self, own: Correlation, usual: Correlation) -> f64 {
         const WHITE: Correlation = Correlation { inflation: 1.0, weight: 2.0 };
         const USUAL: f64 = 20.0;
-        /// Below one by chance; counted as such, since what is above one by chance is, too.
+        /// Least inflation: values below one by chance count, since those above one by chance do, too.
         const LEAST: f64 = 0.8;
         let all = own.and(usual.at_most(USUAL)).and(WHITE);
         (self.all.count() as f64 / all.inflation.max(LEAST)).max(1.0)
     }
 
-    /// The trend of noise over a rest has √12 times the error of its mean. A slide is no correlation of the noise, so it
-    /// is taken out of both variances: a twelfth of its square.
+    /// Standard deviation of the trend from noise: over a rest it has √12 times the error of the mean. A slide is no
+    /// correlation of the noise, so it is removed from both variances: a twelfth of its square.
     fn trend_noise(&self, usual: Correlation) -> f64 {
         let slide = self.trend().norm_squared() / 12.0;
         let of_one = (self.all.variance() - slide).max(0.0);
@@ -277,7 +277,7 @@ mod tests {
 
     use super::*;
 
-    /// First-order autoregressive noise of unit variance beside a slope, at 100 Hz.
+    /// Rest with first-order autoregressive noise of unit variance and a slope, at 100 Hz.
     fn rest(samples: usize, correlation: f64, slope: f64) -> TriadMean {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let mut sums = Sums::new(Stamp::default(), 25);
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn correlated_samples_count_less() {
-        // (1 − ρ)/(1 + ρ) of them in the limit of long batches.
+        // Their share is (1 − ρ)/(1 + ρ) in the limit of long batches.
         let rest = rest(6000, 0.8, 0.0);
         let share = rest.effective / 6000.0;
         assert!((0.08..0.22).contains(&share), "{share}");

@@ -1,24 +1,23 @@
-//! The lowest and highest readings of a triad, and how often they were read: what is pinned to the end of its range
-//! shows there.
+//! Lowest and highest readings of a triad with their counts, which show readings pinned to the end of the range.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Per axis.
+/// Range of the readings of a triad, per axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReadingRange {
     /// Lowest readings.
     pub low: Vector3<f64>,
     /// Highest readings.
     pub high: Vector3<f64>,
-    /// How often the lowest was read.
+    /// Number of times the lowest was read.
     pub at_low: [u64; 3],
-    /// How often the highest was read.
+    /// Number of times the highest was read.
     pub at_high: [u64; 3],
 }
 
 impl ReadingRange {
-    /// Of one reading.
+    /// Creates the range of one reading.
     pub fn of(value: &Vector3<f64>) -> Self {
         Self { low: *value, high: *value, at_low: [1; 3], at_high: [1; 3] }
     }
@@ -38,7 +37,7 @@ impl ReadingRange {
         }
     }
 
-    /// Of the readings of both.
+    /// Combines the ranges of two sets of readings.
     pub fn merged(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             let (mine, theirs) = (self.high[axis], other.high[axis]);
@@ -58,7 +57,7 @@ impl ReadingRange {
         self.low[axis] == self.high[axis]
     }
 
-    /// The greatest magnitude of any axis.
+    /// Largest magnitude on any axis.
     pub fn peak(&self) -> f64 {
         self.low.amax().max(self.high.amax())
     }

@@ -1,8 +1,8 @@
-//! Cuts the time of an IMU into rest and motion. Whether a rest is any good is left to the fit.
+//! Segmenter: divides the time of an IMU into rest and motion.
 //!
-//! The state is evaluated at each accelerometer sample, with the latest gyroscope state; secondary accelerometers do not
-//! vote. Samples enter a rest one window later than they arrive, so that its end can be trimmed by the window in which
-//! motion was noticed.
+//! The state is evaluated at each accelerometer sample, with the latest gyroscope state; secondary accelerometers do
+//! not vote. Samples enter a rest one window after they arrive, so that its end can be trimmed by the window in which
+//! motion was detected.
 
 use std::collections::VecDeque;
 
@@ -19,21 +19,21 @@ use super::triad_track::{TriadTrack, Yardstick};
 use crate::Stamp;
 use crate::imu::{Sample, Sensor};
 
-/// What a sample did.
+/// Effect of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It was dropped for a repeated or backward stamp.
+    /// Dropped for a repeated or backward stamp.
     Dropped,
-    /// It is not one that the state is evaluated at.
+    /// Taken, without an evaluation of the state.
     Taken,
-    /// The state was evaluated.
+    /// Taken, with an evaluation of the state.
     Judged {
-        /// And is another than before.
+        /// Whether the state changed.
         changed: bool,
     },
 }
 
-/// Samples in, rests out.
+/// Segmenter of an IMU: takes samples, returns rests.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Segmenter {
     config: Config,
@@ -43,60 +43,60 @@ pub struct Segmenter {
     phase: Phase,
     state: State,
     placement: Placement,
-    /// Whether the last rest ended by creep, and nothing was loud since.
+    /// Whether the last rest ended by creep, with nothing loud since.
     sliding: bool,
-    /// Rests that nobody can believe yet, oldest first.
+    /// Rests that wait for a credible noise floor, oldest first.
     held: VecDeque<Rest>,
     ready: VecDeque<Rest>,
-    /// Whether a rest of the present stretch was kept.
+    /// Whether a rest of the current stretch was kept.
     kept: bool,
     stretches: VecDeque<Stretch>,
 }
 
-/// The noise of an IMU in one stretch of rest, however many rests it was split into.
+/// Noise of an IMU in one stretch of rest, however many rests it was split into.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Stretch {
-    /// That of its last rest.
+    /// Placement of its last rest.
     pub placement: u32,
-    /// Of each triad that read something.
+    /// Allan sums of each triad with readings.
     pub noise: Vec<(Sensor, AllanSums)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Phase {
     Moving,
-    /// Quiet since.
+    /// Quiet since this stamp.
     Settling(Stamp),
     Still,
 }
 
-/// How a rest ended.
+/// Reason for the end of a rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     Motion,
-    /// The mean has wandered off.
+    /// The mean has wandered away.
     Creep,
     Gap,
     Split,
 }
 
-/// So many rests wait for a credible floor.
+/// Largest number of rests that wait for a credible floor.
 const MAX_HELD: usize = 256;
-/// So many stretches of rest wait for a credible floor.
+/// Largest number of stretches that wait for a credible floor.
 const MAX_STRETCHES: usize = 8;
-/// Seconds from which on a stretch may show a random walk of a bias …
+/// Shortest stretch that may show a random walk of a bias, s …
 const LASTING: f64 = 45.0;
 /// … and that of an accelerometer, which is put down by hand and goes on tilting for a while.
 const LASTING_ON_A_TABLE: f64 = 120.0;
-/// A gyroscope silent for longer than this, in nanoseconds, does not vote.
+/// Longest silence of a gyroscope that still votes, ns.
 const GYRO_SILENCE: i64 = 1_000_000_000;
 
 impl Segmenter {
-    /// For an IMU with so many secondary accelerometers.
+    /// Creates the segmenter of an IMU with `secondary` secondary accelerometers.
     pub fn new(config: &Config, secondary: usize) -> Self {
         let mut config = config.clone();
         if config.detector == Detector::MovingStd {
-            // The thesis' detector has one threshold, and no patience.
+            // The thesis' detector has one threshold, and does not wait.
             config = Config { enter: 1.0, leave: 1.0, settle_s: 0.0, min_rest_s: 0.1, ..config };
         }
         Self {
@@ -115,7 +115,7 @@ impl Segmenter {
         }
     }
 
-    /// Takes a sample. Rests that ended with it come from [`next_rest`](Self::next_rest).
+    /// Takes a sample. Rests that it completes are returned by [`next_rest`](Self::next_rest).
     pub fn push(&mut self, sensor: Sensor, sample: &Sample) -> Outcome {
         let Some(track) = self.track(sensor) else { return Outcome::Dropped };
         let tick = track.tick(sample.stamp);
@@ -142,14 +142,14 @@ impl Segmenter {
         }
     }
 
-    /// The driver says that the reading of this stamp was clipped: it counts in the rest that it falls into.
+    /// Marks the reading of a stamp as clipped, as reported by the driver; it counts in the rest that contains it.
     pub fn clip(&mut self, sensor: Sensor, stamp: Stamp) {
         if let Some(track) = self.track(sensor) {
             track.clip(stamp);
         }
     }
 
-    /// What a triad reads from now on is not to be compared with what it read before: ends an open rest.
+    /// Separates the later readings of a triad from the earlier ones: ends an open rest.
     pub fn cut(&mut self, sensor: Sensor) {
         self.break_off();
         if sensor == Sensor::Accelerometer {
@@ -157,39 +157,39 @@ impl Segmenter {
         }
     }
 
-    /// Takes what a triad read out of the rests that nobody could believe yet.
+    /// Removes the readings of a triad from the rests that wait for a credible floor.
     pub fn forget(&mut self, sensor: Sensor) {
         self.held = self.held.drain(..).filter_map(|rest| rest.without(sensor)).collect();
     }
 
-    /// The next finished rest, oldest first.
+    /// Next finished rest, oldest first.
     pub fn next_rest(&mut self) -> Option<Rest> {
         self.ready.pop_front()
     }
 
-    /// The noise of the next stretch of rest, once it is known whether its rests are to be believed.
+    /// Noise of the next stretch of rest, once the floor is credible.
     pub fn next_stretch(&mut self) -> Option<Stretch> {
         self.is_credible().then(|| self.stretches.pop_front())?
     }
 
-    /// The recording has ended: closes an open rest.
+    /// Closes an open rest at the end of the recording.
     pub fn finish(&mut self) {
         if self.phase == Phase::Still {
             self.end_rest(End::Gap);
         }
     }
 
-    /// Whether the IMU rests.
+    /// Current state of rest.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// First and last moment of the rest that is under way, as far as nothing can take them out of it any more.
+    /// First and last stamp of the open rest, as far as they are final.
     pub fn open_rest(&self) -> Option<(Stamp, Stamp)> {
         self.accelerometer.open_bounds().filter(|_| self.phase == Phase::Still)
     }
 
-    /// The present state, and what it was judged by.
+    /// Current state, with the statistic and thresholds behind it.
     pub fn status(&self) -> Status {
         Status {
             state: self.state,
@@ -206,7 +206,7 @@ impl Segmenter {
         self.tracks().map(|track| track.clock().dropped()).sum()
     }
 
-    /// Breaks of the time base, over all triads.
+    /// Number of breaks of the time base, over all triads.
     pub fn breaks(&self) -> u64 {
         self.tracks().map(|track| track.clock().breaks()).sum()
     }
@@ -216,7 +216,7 @@ impl Segmenter {
         self.accelerometer.step()
     }
 
-    /// What the stream of a triad is like; `None` before its first sample.
+    /// Properties of the stream of a triad; `None` before its first sample.
     pub fn signal(&self, sensor: Sensor) -> Option<Signal> {
         match sensor {
             Sensor::Accelerometer => self.accelerometer.signal(),
@@ -283,10 +283,10 @@ impl Segmenter {
         Outcome::Judged { changed }
     }
 
-    /// Samples one window old are safe from trimming: they enter the open rest, or are forgotten.
+    /// Commits samples that are one window old, and so safe from trimming: they enter the open rest, or are dropped.
     fn commit(&mut self, now: Stamp) {
         let Some(span) = self.window_span() else { return };
-        // While moving, a start may yet be dated back by a window, on every triad's clock.
+        // While moving, a start may still be dated back by a window, on every triad's clock.
         let keep = if self.phase == Phase::Moving { span.saturating_mul(2) } else { span };
         let until = now.plus_nanos(keep.saturating_neg());
         self.tracks_mut().for_each(|track| track.commit(until));
@@ -326,7 +326,7 @@ impl Segmenter {
         self.sliding = end == End::Creep || self.sliding && end == End::Split;
     }
 
-    /// Puts by what the noise was in the rests since the last motion.
+    /// Stores the noise of the rests since the last motion.
     fn end_stretch(&mut self) {
         let primary = self.accelerometer.stretch(LASTING_ON_A_TABLE).map(|sums| (Sensor::Accelerometer, sums));
         let gyroscope = self.gyroscope.as_ref().and_then(|track| track.stretch(LASTING));
@@ -353,7 +353,7 @@ impl Segmenter {
         }
     }
 
-    /// Lets go of the rests that waited for a credible floor, those that are rests by it.
+    /// Releases the rests that waited for a credible floor, if they are rests by it.
     fn release(&mut self) {
         while let Some(rest) = self.held.pop_front() {
             if self.is_quiet(&rest) {
@@ -362,13 +362,13 @@ impl Segmenter {
         }
     }
 
-    /// Whether a rest is still one by the floor as it is known now.
+    /// Whether a rest is still one by the current floor.
     pub fn is_quiet(&self, rest: &Rest) -> bool {
         let (accelerometer, gyroscope) = self.loudness(rest);
         accelerometer <= self.config.enter && gyroscope <= self.config.enter
     }
 
-    /// Deviations of accelerometer and gyroscope during a rest over their floors as they are known now.
+    /// Deviations of accelerometer and gyroscope during a rest, relative to their current floors.
     pub fn loudness(&self, rest: &Rest) -> (f64, f64) {
         let over = |mean: &TriadMean, track: Option<&TriadTrack>| {
             let floor = track.filter(|track| track.is_learned()).and_then(TriadTrack::level);
@@ -378,7 +378,7 @@ impl Segmenter {
         (over(&rest.accelerometer, Some(&self.accelerometer)), gyroscope)
     }
 
-    /// The time base broke: what was before is not connected to what follows.
+    /// Separates the time before a break of the time base from the time after it.
     fn break_off(&mut self) {
         if self.phase == Phase::Still {
             self.end_rest(End::Gap);
@@ -390,7 +390,7 @@ impl Segmenter {
         self.phase = Phase::Moving;
     }
 
-    /// Whether the accelerometer's mean has left where the rest began: a slow slide has little variance.
+    /// Whether the accelerometer's mean has moved away from that of the rest: a slow slide has little variance.
     fn creeps(&self) -> bool {
         let (Some(now), Some((mean, count))) = (self.accelerometer.window_mean(), self.accelerometer.open_mean())
         else {
@@ -398,7 +398,7 @@ impl Segmenter {
         };
         let (window, count) = (self.accelerometer.window_size() as f64, count as f64);
         let off = (now - mean).norm();
-        // A mean of few samples says little: right after a split there is but one.
+        // A mean of few samples says little: right after a split there is only one.
         if count < window || off <= self.config.max_creep || self.config.detector != Detector::Adaptive {
             return false;
         }
@@ -406,7 +406,7 @@ impl Segmenter {
         off > creep_limit(self.config.max_creep, noise)
     }
 
-    /// Whether the floor has fallen since the rest began, and shows that its beginning was motion.
+    /// Whether the floor has fallen since the rest began, so that its beginning was motion.
     fn is_outdated(&self) -> bool {
         let outdated = |track: &TriadTrack| track.is_outdated(self.config.enter);
         outdated(&self.accelerometer) || self.gyroscope.as_ref().is_some_and(outdated)
@@ -420,13 +420,13 @@ impl Segmenter {
         }
     }
 
-    /// The longest time that a voting triad's window covers: motion shows in it that long ago.
+    /// Longest time covered by a voting triad's window, ns: motion that far back shows in it.
     fn window_span(&self) -> Option<i64> {
         let gyroscope = self.voting_gyroscope().and_then(TriadTrack::window_span);
         self.accelerometer.window_span().map(|span| span.max(gyroscope.unwrap_or(0)))
     }
 
-    /// Since when every voting triad's window has seen nothing but quiet.
+    /// Stamp since which every voting triad's window is quiet.
     fn window_start(&self) -> Option<Stamp> {
         let gyroscope = self.voting_gyroscope().and_then(TriadTrack::window_start);
         self.accelerometer.window_start().max(gyroscope)

@@ -1,31 +1,31 @@
-//! What is said of an IMU's state of rest.
+//! State of rest of an IMU, as reported.
 
 use serde::{Deserialize, Serialize};
 
-/// Whether an IMU rests.
+/// State of rest of an IMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// There is no credible noise floor yet.
+    /// No credible noise floor yet.
     Unknown,
-    /// It moves.
+    /// Moving.
     Moving,
-    /// It rests.
+    /// At rest.
     Still,
 }
 
-/// The state and what it was judged by.
+/// State with the statistic and thresholds behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Status {
-    /// The state.
+    /// State of rest.
     pub state: State,
-    /// Largest of the voting triads' deviations over their floors; NaN while there is none.
+    /// Largest deviation of the voting triads relative to their floors; NaN while there is none.
     pub statistic: f64,
-    /// The statistic under which the IMU is still.
+    /// Statistic below which the IMU is still.
     pub enter: f64,
-    /// The statistic above which it moves.
+    /// Statistic above which the IMU moves.
     pub leave: f64,
-    /// √(Σ variance of the axes) believed of the accelerometer at rest, m/s².
+    /// Noise floor of the accelerometer: √(Σ variance of the axes) at rest, m/s².
     pub accel_floor: Option<f64>,
-    /// The same of the gyroscope, rad/s.
+    /// Noise floor of the gyroscope, likewise, rad/s.
     pub gyro_floor: Option<f64>,
 }

@@ -1,45 +1,45 @@
-//! The time base of one triad: its sample period, and where its stamps break. What a break ends is left to the segmenter.
+//! Time base of one triad: its sample period, and the breaks of its stamps.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
 
-/// What a new stamp means.
+/// Meaning of a new stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tick {
     /// The next sample.
     Next,
-    /// Repeated or backward: the sample is to be dropped.
+    /// Repeated or backward stamp: the sample is to be dropped.
     Dropped,
-    /// The stamps jumped: what follows is not connected to what came before. The sample itself is good.
+    /// Jump of the stamps: what follows is not connected to what came before. The sample itself is valid.
     Break,
 }
 
-/// Follows the stamps of one triad.
+/// Time base of one triad, which follows its stamps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TimeBase {
     gap_nanos: i64,
     last: Option<Stamp>,
     dropped: u64,
-    /// Dropped one after another.
+    /// Number of samples dropped one after another.
     dropped_in_a_row: u32,
     breaks: u64,
-    /// The latest intervals, a ring.
+    /// Latest intervals, as a ring, ns.
     intervals: Vec<i64>,
     cursor: usize,
     seen: u64,
     period: Option<i64>,
 }
 
-/// So many intervals make a median.
+/// Number of intervals of a median.
 const INTERVALS: usize = 63;
-/// Before so many were seen nothing is said of the period.
+/// Fewest intervals for a period.
 const LEAST_INTERVALS: usize = 8;
-/// So many dropped stamps in a row are a clock that was set back.
+/// Number of dropped stamps in a row that mean a clock that was set back.
 const PATIENCE: u32 = 5;
 
 impl TimeBase {
-    /// A clock that breaks at forward jumps beyond `gap_s` seconds and five sample periods.
+    /// Creates a time base that breaks at forward jumps beyond both `gap_s` seconds and five sample periods.
     pub fn new(gap_s: f64) -> Self {
         Self {
             gap_nanos: (gap_s * 1e9) as i64,
@@ -72,7 +72,7 @@ impl TimeBase {
         self.dropped_in_a_row = 0;
         self.learn(interval);
         if self.period.is_some_and(|period| interval > self.longest_interval(period)) {
-            // It may be the first of a slower rate, so the period is looked at again; one gap does not move a median.
+            // It may be the first of a slower rate, so the period is measured again; one gap does not move a median.
             self.measure();
             return self.rebase(stamp);
         }
@@ -80,18 +80,18 @@ impl TimeBase {
         Tick::Next
     }
 
-    /// Typical interval of the latest samples in nanoseconds, once eight were seen: their median, or where they come in
-    /// bursts their mean.
+    /// Typical interval of the latest samples, ns, once eight were seen: their median, or their mean if they come in
+    /// bursts.
     pub fn period(&self) -> Option<i64> {
         self.period
     }
 
-    /// How many samples were dropped for a repeated or backward stamp.
+    /// Number of samples dropped for a repeated or backward stamp.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// How often the time base broke.
+    /// Number of breaks of the time base.
     pub fn breaks(&self) -> u64 {
         self.breaks
     }
@@ -111,7 +111,7 @@ impl TimeBase {
             self.cursor = (self.cursor + 1) % INTERVALS;
         }
         self.seen += 1;
-        // Often while it is being learned, seldom afterwards: a median costs more than a sample may.
+        // Frequent at first, rare afterwards: a median costs more than a sample may.
         if self.seen <= 64 && self.seen.is_multiple_of(LEAST_INTERVALS as u64) || self.seen.is_multiple_of(1024) {
             self.measure();
         }
@@ -123,7 +123,7 @@ impl TimeBase {
         let Some(median) = sorted.get(sorted.len() / 2).copied().filter(|_| sorted.len() >= LEAST_INTERVALS) else {
             return;
         };
-        // Gaps are no intervals between samples. The shortest half is never beyond the limit, so there is a mean.
+        // Gaps are not sample intervals. The shortest half is never beyond the limit, so there is a mean.
         let longest = self.longest_interval(median);
         let within = &sorted[..sorted.partition_point(|interval| *interval <= longest)];
         let mean = within.iter().map(|interval| interval / within.len() as i64).sum::<i64>();
@@ -131,7 +131,7 @@ impl TimeBase {
         self.period = Some(if mean > median.saturating_mul(2) { mean } else { median });
     }
 
-    /// Beyond this the time base breaks, in nanoseconds.
+    /// Longest interval, beyond which the time base breaks, ns.
     fn longest_interval(&self, period: i64) -> i64 {
         self.gap_nanos.max(period.saturating_mul(5))
     }

@@ -1,4 +1,4 @@
-//! One triad as the segmenter sees it: how quiet it is, its latest samples, and the sums of the open rest.
+//! State of one triad in the segmenter: its noise statistic, its latest samples, and the sums of the open rest.
 
 use std::collections::VecDeque;
 
@@ -20,15 +20,15 @@ use crate::imu::Sample;
 const MIN_WINDOW: usize = 20;
 /// Most samples in a window, whatever the stamps say.
 const MAX_WINDOW: usize = 16_384;
-/// So many samples wait at most for the accelerometer to say what becomes of them: two of the longest windows, and as
+/// Largest number of samples that wait until the accelerometer decides about them: two of the longest windows, and as
 /// much again for a clock that runs ahead.
 const MAX_RECENT: usize = 4 * MAX_WINDOW;
-/// Nanoseconds in which what was put down settles: nothing is said of a random walk from them.
+/// Settling time of a sensor that was put down, ns: not used for a random walk.
 const SETTLING: i64 = 3_000_000_000;
-/// The thesis' window, in samples.
+/// Window of the thesis, in samples.
 const THESIS_WINDOW: usize = 100;
 
-/// One triad.
+/// State of one triad.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct TriadTrack {
     clock: TimeBase,
@@ -36,35 +36,35 @@ pub(super) struct TriadTrack {
     yardstick: Yardstick,
     /// Samples in a window, once the sample period is known.
     window_size: Option<usize>,
-    /// Of a triad that votes.
+    /// Window and floor of a triad that votes.
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
-    /// Stamps of readings among them that the driver called clipped.
+    /// Stamps of those readings that the driver reported as clipped.
     clipped: VecDeque<Stamp>,
     open: Option<Sums>,
-    /// Of the present stretch, and its first and last stamp: the open rest and those that it was split from.
+    /// Averages of the current stretch, and its first and last stamp: the open rest and those that it was split from.
     cascade: Cascade,
     stretch: Option<(Stamp, Stamp)>,
-    /// Of the noise in all rests so far.
+    /// Correlation of the noise in all rests so far.
     correlation: Correlation,
     extremes: Option<ReadingRange>,
     readings: u64,
-    /// The sample period that the window was made for.
+    /// Sample period that the window was sized for, ns.
     sized_for: Option<i64>,
 }
 
-/// What the deviation in the window is held against.
+/// Reference for the deviation in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Yardstick {
-    /// The learned floor, believed up to this noise of one axis.
+    /// Learned floor, accepted up to this noise of one axis.
     Learned { ceiling: f64 },
-    /// A fixed limit of the standard deviation of every axis, as in the thesis.
+    /// Fixed limit of the standard deviation of every axis, as in the thesis.
     Fixed { limit: f64 },
-    /// Nothing: the triad does not vote.
+    /// No reference: the triad does not vote.
     None,
 }
 
-/// The window and what was learned from it, once the sample period is known.
+/// Window and noise floor, once the sample period is known.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Quiet {
     window: Window,
@@ -92,7 +92,7 @@ impl TriadTrack {
         }
     }
 
-    /// What the stamp of the next sample means; unless it is to be dropped, [`take`](Self::take) it next.
+    /// Classifies the stamp of the next sample; unless it is to be dropped, [`take`](Self::take) it next.
     pub(super) fn tick(&mut self, stamp: Stamp) -> Tick {
         self.clock.tick(stamp)
     }
@@ -114,7 +114,7 @@ impl TriadTrack {
         }
     }
 
-    /// The reading of this stamp was clipped.
+    /// Marks the reading of a stamp as clipped.
     pub(super) fn clip(&mut self, stamp: Stamp) {
         if self.clipped.len() >= MAX_RECENT {
             self.clipped.pop_front();
@@ -122,7 +122,7 @@ impl TriadTrack {
         self.clipped.push_back(stamp);
     }
 
-    /// Starts anew after a break of the time base, here or in a triad that this one is judged with.
+    /// Starts anew after a break of the time base, of this triad or of one that it is judged with.
     pub(super) fn forget(&mut self) {
         self.recent.clear();
         self.clipped.clear();
@@ -131,16 +131,16 @@ impl TriadTrack {
         }
     }
 
-    /// Deviation over the yardstick; `None` while either is unknown.
+    /// Deviation relative to the yardstick; `None` while either is unknown.
     pub(super) fn statistic(&self) -> Option<f64> {
         let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
         let variance = quiet.window.variance();
         if variance.sum() == 0.0 {
-            // Over whatever the yardstick will be.
+            // Zero, whatever the yardstick will be.
             return Some(0.0);
         }
         match self.yardstick {
-            // Above the ceiling nothing is believed, so nothing is quiet against it either.
+            // A level above the ceiling is not accepted, so nothing is quiet relative to it.
             Yardstick::Learned { ceiling } => {
                 quiet.floor.level().map(|level| variance.sum().sqrt() / level.min(ceiling * 3_f64.sqrt()))
             }
@@ -149,7 +149,7 @@ impl TriadTrack {
         }
     }
 
-    /// √(Σ variance of the axes) that the triad is believed to have at rest.
+    /// Noise floor: √(Σ variance of the axes) at rest.
     pub(super) fn level(&self) -> Option<f64> {
         match self.yardstick {
             Yardstick::Fixed { limit } => Some(limit * 3_f64.sqrt()),
@@ -157,7 +157,7 @@ impl TriadTrack {
         }
     }
 
-    /// Whether that level can be the noise of a sensor at rest.
+    /// Whether the floor can be the noise of a sensor at rest.
     pub(super) fn is_credible(&self) -> bool {
         match self.yardstick {
             Yardstick::Learned { ceiling } => self.quiet.as_ref().is_some_and(|quiet| {
@@ -167,7 +167,7 @@ impl TriadTrack {
         }
     }
 
-    /// Whether the level was learned, and may yet change.
+    /// Whether the floor is learned, and may still change.
     pub(super) fn is_learned(&self) -> bool {
         matches!(self.yardstick, Yardstick::Learned { .. })
     }
@@ -180,7 +180,7 @@ impl TriadTrack {
         self.window_size.unwrap_or(MIN_WINDOW)
     }
 
-    /// Time that a window covers, in nanoseconds; `None` before the sample period is known.
+    /// Time that a window covers, ns; `None` before the sample period is known.
     pub(super) fn window_span(&self) -> Option<i64> {
         Some(self.clock.period()?.saturating_mul(self.window_size() as i64))
     }
@@ -199,7 +199,7 @@ impl TriadTrack {
         self.quiet.as_ref()?.floor.step()
     }
 
-    /// What its stream is like; `None` before the first sample.
+    /// Properties of its stream; `None` before the first sample.
     pub(super) fn signal(&self) -> Option<Signal> {
         Some(Signal {
             extremes: self.extremes?,
@@ -214,7 +214,7 @@ impl TriadTrack {
         &self.clock
     }
 
-    /// Opens a rest that begins at `start`, and a stretch with it.
+    /// Opens a rest at `start`, and a stretch with it.
     pub(super) fn open(&mut self, start: Stamp) {
         let settling = self.clock.period().map_or(0, |period| SETTLING / period.max(1));
         self.cascade.begin(settling.unsigned_abs());
@@ -222,18 +222,18 @@ impl TriadTrack {
         self.go_on(start);
     }
 
-    /// Opens a rest that begins at `start`, in the same stretch as the last one.
+    /// Opens a rest at `start`, in the same stretch as the last one.
     pub(super) fn go_on(&mut self, start: Stamp) {
         self.open = Some(Sums::new(start, self.window_size()));
     }
 
-    /// Allan sums of the stretch so far; `lasting` are the seconds from which on it is a long one.
+    /// Allan sums of the stretch so far; from `lasting` seconds on it is a long one.
     pub(super) fn stretch(&self, lasting: f64) -> Option<AllanSums> {
         let (first, last) = self.stretch?;
         self.cascade.end(last.seconds_since(first), lasting)
     }
 
-    /// Moves the samples up to `until` from the latest into the open rest, if there is one; without one they are gone.
+    /// Moves the latest samples up to `until` into the open rest, if there is one; otherwise drops them.
     pub(super) fn commit(&mut self, until: Stamp) {
         while let Some((stamp, value)) = self.recent.front().copied().filter(|(stamp, _)| *stamp <= until) {
             self.recent.pop_front();
@@ -251,13 +251,13 @@ impl TriadTrack {
         }
     }
 
-    /// Whether the open rest is more than `enter` times as noisy as the level that is known by now.
+    /// Whether the open rest is more than `enter` times as noisy as the current floor.
     pub(super) fn is_outdated(&self, enter: f64) -> bool {
         let variance = self.open.as_ref().map_or(0.0, Sums::variance);
         self.is_learned() && self.level().is_some_and(|level| variance > (enter * level).powi(2))
     }
 
-    /// Mean of the open rest so far, and of how many samples.
+    /// Mean of the open rest so far, and its number of samples.
     pub(super) fn open_mean(&self) -> Option<(Vector3<f64>, u64)> {
         self.open.as_ref()?.mean()
     }
@@ -275,7 +275,7 @@ impl TriadTrack {
         mean
     }
 
-    /// Makes or remakes the window when the sample period has become known or has changed.
+    /// Sizes the window when the sample period becomes known or changes.
     fn size_window(&mut self) {
         let Some(period) = self.clock.period().filter(|_| self.clock.period() != self.sized_for) else { return };
         self.sized_for = Some(period);
@@ -308,7 +308,7 @@ impl Quiet {
 }
 
 impl Yardstick {
-    /// For an accelerometer that decides.
+    /// Yardstick of an accelerometer that votes.
     pub(super) fn accelerometer(config: &Config) -> Self {
         match config.detector {
             Detector::Adaptive => Self::Learned { ceiling: config.accel_ceiling },
@@ -325,7 +325,7 @@ impl Yardstick {
         }
     }
 
-    /// For a gyroscope.
+    /// Yardstick of a gyroscope.
     pub(super) fn gyroscope(config: &Config) -> Self {
         match config.detector {
             Detector::Adaptive => Self::Learned { ceiling: config.gyro_ceiling },

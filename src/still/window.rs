@@ -1,22 +1,22 @@
-//! Variance of the last samples of a triad, in constant time a sample.
+//! Variance of the latest samples of a triad, in constant time a sample.
 //!
-//! Two stacks of partial sums stand back to back: nothing is ever subtracted, so a corrupt sample leaves no trace once
-//! it has left the window.
+//! Two stacks of partial sums, back to back: nothing is ever subtracted, so a corrupt sample leaves no trace after it
+//! has left the window.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// A sliding window over the last `size` samples.
+/// Sliding window over the last `size` samples.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Window {
     size: usize,
-    /// Sums over the oldest samples: entry `i` covers all samples from the `i`-th newest of them to the newest of them.
+    /// Sums over the oldest samples: entry `i` covers those from the `i`-th newest of them to the newest of them.
     front: Vec<Spread>,
-    /// The newer samples …
+    /// Newer samples …
     back: Vec<Vector3<f64>>,
     /// … and their sum.
     back_sum: Spread,
-    /// Of all samples.
+    /// Sum of all samples.
     total: Spread,
 }
 
@@ -86,7 +86,7 @@ impl Spread {
         Self { count: 1.0, mean: *value, squares: Vector3::zeros() }
     }
 
-    /// Chan's merge.
+    /// Merges two sums (Chan).
     fn merged(&self, other: &Self) -> Self {
         let count = self.count + other.count;
         if count == 0.0 {
