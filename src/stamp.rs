@@ -2,18 +2,18 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// A point in time, in nanoseconds on the recording's own clock (mostly the Unix epoch).
+/// Point in time, in nanoseconds on the recording's own clock (mostly since the Unix epoch).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Stamp(i64);
 
 impl Stamp {
-    /// The stamp of so many nanoseconds.
+    /// Creates a stamp from nanoseconds since the epoch.
     pub const fn from_nanos(nanos: i64) -> Self {
         Self(nanos)
     }
 
-    /// An MCAP log time; beyond the year 2262 it saturates.
+    /// Converts an MCAP log time; saturates beyond the year 2262.
     pub fn from_log_time(log_time: u64) -> Self {
         Self(i64::try_from(log_time).unwrap_or(i64::MAX))
     }
@@ -33,7 +33,7 @@ impl Stamp {
         self.since(earlier) as f64 * 1e-9
     }
 
-    /// The stamp so many nanoseconds later; saturates.
+    /// Returns the stamp `nanos` nanoseconds later; saturates.
     pub const fn plus_nanos(self, nanos: i64) -> Self {
         Self(self.0.saturating_add(nanos))
     }

@@ -162,7 +162,7 @@ pub enum Solid {
 pub struct FaceConfig {
     /// Name of the face.
     pub name: String,
-    /// Direction that points up while the IMU rests on it, in the axes of the solid, of any length.
+    /// Direction that points up while the IMU rests on it, in the axes of the fixture, of any length.
     pub up: [f64; 3],
 }
 
