@@ -1,9 +1,9 @@
-//! How the sensor turned between its rests, by its gyroscope. What that says of a sensor is left to [`fit`](crate::fit).
+//! Rotation of the sensor between its rests, from its gyroscope.
 //!
-//! A turn is rest, motion, rest. The rates are preintegrated (Lupton & Sukkarieh, IEEE T-RO 2012; Forster et al.,
-//! IEEE T-RO 2017) into [`Piece`]s that know neither bias nor sensitivity: both are applied afterwards, to the second
-//! order of the expansion of Magnus (1954), so that every candidate can be tried on the turns of a whole recording
-//! without its samples.
+//! A turn is rest, motion, rest. The rates are preintegrated (Lupton & Sukkarieh, IEEE T-RO 2012; Forster et al., IEEE
+//! T-RO 2017) into [`Piece`]s that depend on neither bias nor sensitivity: both are applied afterwards, to second order
+//! of the Magnus expansion (1954), so that every candidate can be tried on the turns of a whole recording without its
+//! samples.
 
 mod evidence;
 mod history;

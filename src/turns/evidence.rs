@@ -1,9 +1,9 @@
-//! Evidence of turns on how a gyroscope reads: its integral between two rests against the angle between their gravities.
-//! Nothing is concluded from how large the readings are.
+//! Evidence of turns on unit and axes of a gyroscope: its integral between two rests, compared with the angle between
+//! their directions of gravity. The size of the readings is not used.
 //!
-//! Each turn weighs a reading by its likelihood over that of a gyroscope that says nothing: where gravity is afterwards,
-//! against where the integral puts it (a normal error on the sphere, with a part of strays), and what specific force was on
-//! the way, against the mean of where gravity was meanwhile.
+//! Each turn weights a hypothesis by its likelihood, relative to that of a gyroscope without information. It compares
+//! the direction of gravity after the turn with that from the integral (a normal error on the sphere, with a share of
+//! strays), and the mean specific force during the turn with the mean direction of gravity meanwhile.
 
 use nalgebra::Vector3;
 
@@ -11,53 +11,53 @@ use super::piece::{Candidate, Piece};
 use super::prediction::{Ends, follow};
 use super::reading::AxisOrder;
 
-/// A turn by which gravity turned, too.
+/// Turn that also rotated gravity.
 #[derive(Clone, Debug)]
 pub struct SeenTurn {
-    /// What the gyroscope read.
+    /// Preintegrated rates as they were read.
     pub pieces: Vec<Piece>,
-    /// What is known of the rests at both ends, rates as they were read.
+    /// Rests at both ends, with rates as they were read.
     pub ends: Ends,
-    /// Mean specific force on the way, in g.
+    /// Mean specific force during the turn, in g.
     pub force: Option<Vector3<f64>>,
-    /// Whether readings may have stopped at an end of the range.
+    /// Whether readings may have been clipped.
     pub clipped: bool,
 }
 
-/// What turns say of a gyroscope.
+/// Explanation of turns by the readings of a gyroscope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Explanation {
-    /// Too little.
+    /// Too little evidence.
     Unknown,
-    /// Its rates, as they are, explain how gravity turned.
+    /// The rates, as they are, explain how gravity turned.
     Agrees,
-    /// They would if they were read like this.
+    /// The rates explain it in another unit or axis order.
     Otherwise {
-        /// Readings a rad/s.
+        /// Readings per rad/s.
         per_radian: f64,
-        /// Another number of them that is nearly as likely.
+        /// Another such number that is nearly as likely.
         or: Option<f64>,
-        /// How its axes stand.
+        /// Order and signs of the axes.
         axes: AxisOrder,
     },
-    /// They do not, by so many radians (root mean square).
+    /// The rates do not explain it; error in radians (root mean square).
     Disagrees(f64),
 }
 
-/// A reading that is tried.
+/// Hypothesis on the unit and axes of the readings.
 #[derive(Clone, Copy, Debug)]
 struct Hypothesis {
     per_radian: f64,
     axes: AxisOrder,
 }
 
-/// Natural logarithm of the odds from which on something is said.
+/// Least log odds (natural) for a conclusion.
 const SURE: f64 = 4.0;
-/// Of each turn, where an agreement needs no comparison.
+/// Least log-likelihood ratio of every turn at which agreement needs no comparison.
 const EVIDENT: f64 = 4.0;
-/// What rates that are right never miss gravity by, rad.
+/// Error of gravity that correct rates never have, rad.
 const REFUTED: f64 = 0.6;
-/// Turns before anything is said of axes, or that nothing explains them.
+/// Fewest turns for a conclusion on axes, or that nothing explains the turns.
 const LEAST_TURNS: usize = 3;
 
 impl Hypothesis {
@@ -67,36 +67,36 @@ impl Hypothesis {
         Candidate::of_inverse(self.axes.matrix() / self.per_radian)
     }
 
-    /// Logarithm of how seldom it is met, beside readings that are right.
+    /// Negative log prior, relative to readings that are right.
     fn rarity(self) -> f64 {
         let unit: f64 = if self.per_radian == 1.0 { 0.0 } else { 4.0 };
         let axes = match (self.axes == AxisOrder::RIGHT, self.axes.is_in_order()) {
             (true, _) => 0.0,
-            // One in a thousand: a right sensor, one of whose turns was not followed well, must not look like it.
+            // One in a thousand: a correct sensor with one badly followed turn must not look like it.
             (false, true) => 7.0,
             (false, false) => 9.0,
         };
         unit + axes
     }
 
-    /// Logarithm of its odds, by all turns.
+    /// Log odds of the hypothesis over all turns.
     fn odds(self, turns: &[SeenTurn]) -> f64 {
         turns.iter().map(|turn| turn.weight(self)).sum::<f64>() - self.rarity()
     }
 }
 
 impl SeenTurn {
-    /// Logarithm of the likelihood of a reading over that of one that says nothing.
+    /// Log-likelihood ratio of a hypothesis over a gyroscope without information.
     fn weight(&self, reading: Hypothesis) -> f64 {
-        /// Error of a direction at rest, and of what turns unseen, rad.
+        /// Error of a direction at rest and of unobserved rotation, rad.
         const DIRECTION: f64 = 0.06;
-        /// Of the sensitivity of a gyroscope that is not calibrated.
+        /// Relative error of the sensitivity of an uncalibrated gyroscope.
         const SCALE: f64 = 0.03;
-        /// So long may a piece be, rad.
+        /// Longest usable piece, rad.
         const LONGEST_PIECE: f64 = 0.5;
-        /// Beyond that error the turn says nothing, rad.
+        /// Largest error at which a turn still says anything, rad.
         const LOST: f64 = 0.7;
-        /// Of mean specific force on the way, in g.
+        /// Error of the mean specific force during the turn, in g.
         const ON_THE_WAY: f64 = 0.15;
         let mut path = 0.0;
         let bias = (self.ends.rate[0] + self.ends.rate[1]) / 2.0;
@@ -114,7 +114,7 @@ impl SeenTurn {
         let stray: f64 = if self.clipped { 0.5 } else { 0.02 };
         let end = follow(self.pieces.iter(), &reading.candidate(), &self.ends);
         let miss = angle_between(&end.up, &self.ends.up[1]);
-        // Densities over those of a direction, and of a vector within the unit ball, of which nothing is known.
+        // Densities relative to those of a direction, and of a vector in the unit ball, that are unknown.
         let there = 2.0 / variance * libm::exp(-miss * miss / (2.0 * variance));
         let meanwhile = self.force.map_or(1.0, |force| {
             let variance = ON_THE_WAY * ON_THE_WAY;
@@ -124,13 +124,14 @@ impl SeenTurn {
         libm::log(stray + (1.0 - stray) * there * meanwhile)
     }
 
-    /// By how much a reading misses the direction after, rad.
+    /// Error of the direction after the turn, rad.
     fn miss(&self, reading: Hypothesis) -> f64 {
         angle_between(&follow(self.pieces.iter(), &reading.candidate(), &self.ends).up, &self.ends.up[1])
     }
 }
 
-/// Explains turns of a gyroscope whose readings were taken for rad/s, and may be in one of these: readings a rad/s.
+/// Explains the turns of a gyroscope whose readings were taken for rad/s; `scales` are the other units to try, in
+/// readings per rad/s.
 pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
     let as_it_is = Hypothesis::AS_IT_IS.odds(turns);
     if turns.is_empty() {
@@ -153,7 +154,7 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
     }
     tried.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let Some(&(best, reading)) = tried.first() else { return Explanation::Unknown };
-    // Of neighbouring units it is the likelier one.
+    // Of neighbouring units the likeliest counts.
     let is_other = |other: &Hypothesis| {
         other.axes != reading.axes || !(0.8..1.25).contains(&(other.per_radian / reading.per_radian))
     };
@@ -179,7 +180,7 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
     }
 }
 
-/// Whether the first turns leave it possible at all.
+/// Whether the first turns favour a hypothesis over a gyroscope without information.
 fn is_possible(turns: &[SeenTurn], hypothesis: Hypothesis) -> bool {
     let first = turns.iter().take(LEAST_TURNS).map(|turn| turn.weight(hypothesis));
     first.sum::<f64>() > 0.0

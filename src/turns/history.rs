@@ -1,4 +1,4 @@
-//! The turns of a recording, remembered within bounds.
+//! Turns of a recording, stored in bounded memory.
 
 use std::collections::VecDeque;
 
@@ -13,39 +13,38 @@ use crate::Stamp;
 use crate::imu::Sample;
 use crate::still::Rest;
 
-/// What the gyroscope did between the rests.
+/// Motion of the gyroscope between the rests.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct History {
     preintegrator: Preintegrator,
     limit: Limit,
-    /// Since the last rest, or the beginning.
+    /// Stretches since the last rest, or the beginning.
     stretches: VecDeque<Stretch>,
-    /// Whether the last rest lies at their beginning; without it they lead from nowhere.
+    /// Start of the last rest, if the stretches begin there; otherwise they start from no rest.
     left: Option<Stamp>,
     legs: Vec<Leg>,
-    /// Whether a stretch was added since they were last looked through.
+    /// Whether a stretch was added since the last look at them.
     news: bool,
 }
 
-/// How the sensor came from one rest to another.
+/// Rotation of the sensor from one rest to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// How long that took.
+    /// Duration, s.
     pub seconds: f64,
-    /// All that it turned on the way, rad; its noise is in it.
+    /// Path of the rotation, including its noise, rad.
     pub path: f64,
-    /// What is left of that: the angle between the attitudes before and after, rad; `None` where the way was too long, or
-    /// readings are missing.
+    /// Angle between the attitudes before and after, rad; `None` if the motion was too long, or readings are missing.
     pub turned: Option<f64>,
-    /// The furthest that gravity came from where it was before, rad.
+    /// Largest angle between gravity and its direction before, rad.
     pub furthest: Option<f64>,
 }
 
-/// So many stretches lie between two rests at most: where there would be more they become longer.
+/// Largest number of stretches between two rests; with more they become longer.
 const MOST_STRETCHES: usize = 128;
-/// So many pieces are remembered of all turns: a quarter turn takes about 25, or half of that.
+/// Largest number of pieces stored over all turns: a quarter turn takes about 25, or half of that once coarsened.
 const MOST_REMEMBERED: usize = 900;
-/// So many ways from rest to rest.
+/// Largest number of legs from rest to rest.
 const MOST_LEGS: usize = 64;
 
 impl History {
@@ -65,22 +64,22 @@ impl History {
         self.preintegrator.feel(&sample.value);
     }
 
-    /// The driver says that a reading was clipped, about now.
+    /// Counts a reading as clipped about now, as reported by the driver.
     pub fn clip(&mut self) {
         self.preintegrator.clip();
     }
 
-    /// The sensor is at rest since then: what is older than `until` can be kept as one.
+    /// Merges stretches while the sensor is at rest since `since`: those that end by `until` need no detail.
     pub fn at_rest(&mut self, since: Stamp, until: Stamp) {
         if !std::mem::take(&mut self.news) {
             return;
         }
         let inside = |stretch: &Stretch| stretch.start >= since && stretch.end <= until;
         let Some(newest) = self.stretches.iter().rposition(inside).filter(|newest| *newest > 0) else { return };
-        // Only the one before it can be inside, too: that holds whatever was already put together.
+        // Only the one before it can be inside, too, whatever was merged already.
         if let (Some(first), Some(second)) = (self.stretches.get(newest - 1), self.stretches.get(newest))
             && inside(first)
-            // The first of a rest stays, so that there is a boundary near its start.
+            // The first stretch of a rest stays, so that there is a boundary near its start.
             && newest > 1 && self.stretches.get(newest - 2).is_some_and(inside)
         {
             let both = first.then(second);
@@ -91,12 +90,12 @@ impl History {
         }
     }
 
-    /// A rest has ended; they come in order.
+    /// Takes a finished rest; rests come in order.
     pub fn rest(&mut self, rest: &Rest) {
         let Some(arrival) = self.stretches.iter().position(|stretch| stretch.start >= rest.start) else { return };
         let departure = self.stretches.iter().take_while(|stretch| stretch.end <= rest.end).count();
         if departure < arrival {
-            // Too short to tell where it begins and ends.
+            // Too short to locate its beginning and end.
             return;
         }
         let mut inside = self.stretches.drain(..departure);
@@ -110,12 +109,12 @@ impl History {
         self.limit = Limit::default();
     }
 
-    /// What was read so far is not to be compared with what follows.
+    /// Separates the readings so far from those that follow.
     pub fn forget(&mut self) {
         *self = Self::default();
     }
 
-    /// The turns between the rests that are believed, each called by when it began.
+    /// Turns between accepted rests, which are identified by their start.
     pub fn turns(&self, believed: impl Fn(Stamp) -> bool) -> Vec<Turn<'_>> {
         let legs = self.legs.as_slice();
         let mut turns = Vec::new();
@@ -134,8 +133,8 @@ impl History {
         turns
     }
 
-    /// How the sensor came from one rest to a later one; `None` if the gyroscope did not follow. Both are called by when they
-    /// began; at both ends, `rate` is what the gyroscope read at rest, rad/s, and `up` the direction of specific force.
+    /// Passage from one rest to a later one, identified by their starts; `None` if the gyroscope did not follow. At
+    /// both ends, `rate` is the mean rate at rest, rad/s, and `up` the direction of specific force.
     pub fn passage(&self, [from, to]: [Stamp; 2], rate: [Vector3<f64>; 2], up: [Vector3<f64>; 2]) -> Option<Passage> {
         let legs = self.legs.as_slice();
         let first = legs.iter().position(|leg| leg.from == from)?;
@@ -165,7 +164,7 @@ impl History {
             self.legs.remove(0);
         }
         self.legs.push(leg);
-        // The oldest ways lose detail first, and then all but what they were like.
+        // The oldest legs lose detail first, and then all but their summary.
         for shrink in [Leg::coarsen as fn(&mut Leg), Leg::forget] {
             let mut total: usize = self.legs.iter().map(|leg| leg.pieces.len()).sum();
             for leg in &mut self.legs {
@@ -179,7 +178,7 @@ impl History {
         }
     }
 
-    /// Puts pairs together until half are left, and makes those to come as long.
+    /// Merges stretches in pairs, and makes those to come as long.
     fn coarsen(&mut self) {
         let pairs: Vec<_> = self.stretches.drain(..).collect();
         let both = |pair: &[Stretch]| pair.iter().copied().reduce(|one, next| one.then(&next));

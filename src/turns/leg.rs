@@ -1,5 +1,4 @@
-//! The way from one rest to the next, and several of them as one turn. Which rests are to be believed is left to the
-//! caller.
+//! Motion from one rest to the next (leg), and several legs as one turn.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -8,25 +7,25 @@ use super::piece::Piece;
 use super::preintegrator::{Integrals, Preintegrator, Stretch};
 use crate::Stamp;
 
-/// From one rest to the next, whatever is thought of them.
+/// Leg: motion from one rest to the next, whether or not these are accepted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Leg {
-    /// When the rest began that it leaves …
+    /// Start of the rest that it leaves …
     pub from: Stamp,
-    /// … and the one that it comes to.
+    /// … and of the rest that it reaches.
     pub to: Stamp,
-    /// What lies between them; empty once that was forgotten.
+    /// Pieces between the rests; empty once dropped.
     pub(super) pieces: Vec<Integrals>,
-    /// The inside of the rest that it comes to.
+    /// Integral over the rest that it reaches.
     pub(super) rest: Option<Integrals>,
-    /// All of it as one, of which the integrals are worth little.
+    /// Summary of the leg; its integrals are too long to be accurate.
     pub(super) sum: Stretch,
 }
 
 impl Leg {
-    /// Puts neighbouring pieces together as long as they are short.
+    /// Merges pairs of neighbouring pieces as long as they are short.
     pub(super) fn coarsen(&mut self) {
-        /// Of their angles, rad.
+        /// Largest sum of the angles of a pair, rad.
         const SHORT: f64 = 0.25;
         let mut coarser: Vec<Integrals> = Vec::with_capacity(self.pieces.len());
         let mut single = false;
@@ -47,56 +46,56 @@ impl Leg {
         self.pieces = coarser;
     }
 
-    /// Keeps what it was like, and not which way it went.
+    /// Drops the pieces, and keeps the summary.
     pub(super) fn forget(&mut self) {
         self.pieces = Vec::new();
     }
 }
 
-/// Why a turn says nothing of the gyroscope.
+/// Reason why a turn is of no use for the gyroscope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
-    /// In it.
+    /// Readings are missing within the turn.
     #[error("readings are missing")]
     Gap,
-    /// In it.
+    /// The stamps break within the turn.
     #[error("the stamps break")]
     Stamps,
     /// Readings stopped at an end of the range.
     #[error("the rate reached the end of the range: turn it more slowly, or set a wider range")]
     Clipped,
-    /// The bias wanders meanwhile.
+    /// The turn is so long that the bias wanders meanwhile.
     #[error("it lasted more than 20 s")]
     TooLong,
-    /// It was too long ago, or too long a way.
+    /// The turn was too long ago, or too long a way, to be stored.
     #[error("it was too long ago, or too long a way, to be remembered")]
     Forgotten,
 }
 
-/// A turn from a rest that is believed to the next that is.
+/// Turn from an accepted rest to the next accepted one.
 #[derive(Clone, Debug)]
 pub struct Turn<'a> {
-    /// When the rests began that it connects.
+    /// Start of the rest before.
     pub from: Stamp,
-    /// The one after.
+    /// Start of the rest after.
     pub to: Stamp,
-    /// The legs that it is made of.
+    /// Legs of the turn.
     pub(super) legs: &'a [Leg],
-    /// All of it as one, of which the integrals are worth nothing.
+    /// Summary of the turn; its integrals are too long to be of use.
     sum: Stretch,
     /// Largest reading of the stream, rad/s.
     pub(super) peak: f64,
 }
 
 impl<'a> Turn<'a> {
-    /// Of legs that follow each other.
+    /// Joins legs that follow each other.
     pub(super) fn of(legs: &'a [Leg], peak: f64) -> Option<Self> {
         let (first, last) = (legs.first()?, legs.last()?);
         let sum = legs.iter().skip(1).fold(first.sum, |sum, leg| sum.then(&leg.sum));
         Some(Self { from: first.from, to: last.to, legs, sum, peak })
     }
 
-    /// What it is made of, in order; the rests within it are among them.
+    /// Pieces of the turn in order, including the rests within it.
     pub fn pieces(&self) -> Vec<Piece> {
         let last = self.legs.len() - 1;
         let legs = self.legs.iter().enumerate();
@@ -104,12 +103,12 @@ impl<'a> Turn<'a> {
         pieces.map(Integrals::piece).collect()
     }
 
-    /// When the motion began and ended, as far as pieces tell.
+    /// Start and end of the motion, as far as the pieces resolve them.
     pub fn span(&self) -> (Stamp, Stamp) {
         (self.sum.start, self.sum.end)
     }
 
-    /// Seconds.
+    /// Duration, s.
     pub fn seconds(&self) -> f64 {
         self.sum.end.seconds_since(self.sum.start)
     }
@@ -119,7 +118,7 @@ impl<'a> Turn<'a> {
         f64::from(self.sum.path)
     }
 
-    /// Mean specific force on the way, m/s²; `None` if it rested in between.
+    /// Mean specific force during the turn, m/s²; `None` if it rested in between.
     pub fn force(&self) -> Option<Vector3<f64>> {
         self.sum.force().filter(|_| self.legs.len() == 1)
     }
@@ -129,18 +128,18 @@ impl<'a> Turn<'a> {
         f64::from(self.sum.peak)
     }
 
-    /// Variance of the angle about an axis by what changes faster than the samples follow, rad²: a twelfth of the second
-    /// differences is what an interpolation by them would change.
+    /// Variance of the angle about an axis from changes faster than the samples, rad²: interpolation by second
+    /// differences would change the angle by a twelfth of them.
     pub fn roughness(&self) -> f64 {
         f64::from(self.sum.roughness) / 72.0
     }
 
-    /// Why it says nothing of the gyroscope, whose range may be known.
+    /// Reason why the turn is of no use for the gyroscope, whose range may be known.
     pub fn unusable(&self, range: Option<f64>) -> Option<Unusable> {
-        /// Seconds.
+        /// Largest duration and gap, s.
         const LONGEST: f64 = 20.0;
         const GAP: f32 = 0.1;
-        /// Of a range.
+        /// Share of a range from which on a reading is clipped.
         const NEAR: f64 = 0.98;
         let pinned = self.sum.pinned >= Preintegrator::CLIPPED && self.peak() >= NEAR * self.peak;
         if self.sum.broken {
@@ -158,9 +157,9 @@ impl<'a> Turn<'a> {
         }
     }
 
-    /// Whether its pieces are short enough for rates whose unit is so many rad/s.
+    /// Whether its pieces are short enough for rates in units of `unit` rad/s.
     pub fn resolves(&self, unit: f64) -> bool {
-        /// Beyond it the second order says too little, rad.
+        /// Longest piece for which the second order suffices, rad.
         const LONGEST: f64 = 0.5;
         self.pieces().iter().all(|piece| unit * piece.angle.norm() <= LONGEST)
     }

@@ -1,22 +1,23 @@
-//! A stretch of motion, integrated so that bias and sensitivity can be applied afterwards.
+//! Piece of motion, integrated so that bias and sensitivity can be applied afterwards.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Integrals of the raw rate ω over a time T, t running from 0 to T, in the sensor's axes.
+/// Integrals of the raw rate ω over a time T, with t from 0 to T, in the sensor's axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Piece {
-    /// α = ∫ ω dt, rad.
+    /// Angle α = ∫ ω dt, rad.
     pub angle: Vector3<f64>,
-    /// β = ½ ∬ ω(t₂) × ω(t₁), t₂ before t₁, rad²: the coning.
+    /// Coning β = ½ ∬ ω(t₂) × ω(t₁), t₂ before t₁, rad².
     pub coning: Vector3<f64>,
-    /// μ = ∫ (2t − T) ω dt, rad s: what a change of bias changes the coning by.
+    /// Moment μ = ∫ (2t − T) ω dt, rad s: the change of the coning with the bias.
     pub moment: Vector3<f64>,
-    /// T, s.
+    /// Duration T, s.
     pub seconds: f64,
 }
 
 impl Piece {
-    /// This one and the next as one. The integrals are exact; the longer a piece, the more of it is beyond second order.
+    /// Joins this piece and the next. The integrals are exact, but the longer a piece, the more of it is beyond second
+    /// order.
     pub fn then(&self, next: &Self) -> Self {
         Self {
             angle: self.angle + next.angle,
@@ -26,43 +27,43 @@ impl Piece {
         }
     }
 
-    /// The same of rates that were a bias (rad/s) less.
+    /// Subtracts a bias (rad/s) from the rates.
     pub fn without(&self, bias: &Vector3<f64>) -> Self {
         Self { angle: self.angle - bias * self.seconds, coning: self.coning - bias.cross(&self.moment) / 2.0, ..*self }
     }
 
-    /// Rotation vector of the attitude after in the frame before, rad, to second order in the rates, of a gyroscope whose
-    /// bias was taken out.
+    /// Rotation vector of the attitude after the piece in the frame before it, rad, to second order in the rates; for a
+    /// gyroscope whose bias is already subtracted.
     pub fn rotation(&self, candidate: &Candidate) -> Vector3<f64> {
         candidate.inverse * self.angle + candidate.cofactors * self.coning
     }
 }
 
-/// A sensitivity S of the gyroscope to be tried: `true = S⁻¹ (measured − bias)`.
+/// Candidate for the sensitivity S of the gyroscope: `true = S⁻¹ (measured − bias)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// C = S⁻¹.
+    /// Inverse sensitivity C = S⁻¹.
     inverse: Matrix3<f64>,
-    /// Cofactors of C, by which a cross product of vectors that C maps is mapped.
+    /// Cofactors of C, which map the cross product of two vectors that C maps.
     cofactors: Matrix3<f64>,
 }
 
 impl Candidate {
-    /// Of C = S⁻¹.
+    /// Creates a candidate from C = S⁻¹.
     pub fn of_inverse(inverse: Matrix3<f64>) -> Self {
         let [x, y, z] = [0, 1, 2].map(|row| inverse.row(row).transpose());
         let cofactors = [y.cross(&z), z.cross(&x), x.cross(&y)].map(|row| row.transpose());
         Self { inverse, cofactors: Matrix3::from_rows(&cofactors) }
     }
 
-    /// C = S⁻¹.
+    /// Inverse sensitivity C = S⁻¹.
     pub fn inverse(&self) -> &Matrix3<f64> {
         &self.inverse
     }
 }
 
 impl Default for Candidate {
-    /// A perfect gyroscope.
+    /// Creates a perfect gyroscope.
     fn default() -> Self {
         Self::of_inverse(Matrix3::identity())
     }

@@ -1,39 +1,40 @@
-//! Where gravity must be after a turn, if it was known before and the gyroscope has such a sensitivity.
+//! Prediction of the direction of gravity after a turn, from that before and a candidate for the gyroscope's
+//! sensitivity.
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 use super::piece::{Candidate, Piece};
 use super::rotation::{exp, exp_and_right_jacobian};
 
-/// What is known of the rests at both ends of a turn.
+/// Rests at both ends of a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ends {
     /// Directions of specific force before and after, unit vectors in the sensor's axes.
     pub up: [Vector3<f64>; 2],
-    /// Mean rates, rad/s.
+    /// Mean rates before and after, rad/s.
     pub rate: [Vector3<f64>; 2],
-    /// Sensitivity of the rate to specific force along a unit vector, rad/s. It is in the mean rates already; on the way
-    /// specific force points elsewhere.
+    /// Sensitivity of the rate to specific force along a unit vector, rad/s. The mean rates already include it for the
+    /// directions at rest, not for those during the turn.
     pub by_up: Matrix3<f64>,
 }
 
-/// What is known of the end of a turn.
+/// Predicted state at the end of a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// Direction of specific force, unit vector.
     pub up: Vector3<f64>,
-    /// How it moves with the entries of C, row by row.
+    /// Derivative of the direction with respect to the entries of C, row by row.
     pub by_inverse: SMatrix<f64, 3, 9>,
-    /// How it moves with the direction before: the rotation of the turn, transposed.
+    /// Derivative of the direction with respect to that before: the rotation of the turn, transposed.
     pub by_up: Matrix3<f64>,
-    /// How it moves with a rate that is added all along, s.
+    /// Derivative of the direction with respect to a constant rate added during the turn, s.
     pub by_rate: Matrix3<f64>,
 }
 
-/// Follows specific force along a turn.
+/// Predicts the direction of specific force after a turn.
 ///
-/// A piece whose rotation vector errs by δ errs by R J δ in the axes before the turn, R being the attitude behind it and J
-/// its right Jacobian. There the errors of the pieces add up.
+/// An error δ of a piece's rotation vector is an error R J δ in the axes before the turn, with R the attitude after the
+/// piece and J its right Jacobian. In these axes the errors of the pieces add up.
 pub fn predict<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Prediction {
     let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
     let mut attitude = Matrix3::identity();
@@ -44,7 +45,7 @@ pub fn predict<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &
         let share = (since + piece.seconds / 2.0) / total;
         since += piece.seconds;
         let between = |ends: &[Vector3<f64>; 2]| ends[0] * (1.0 - share) + ends[1] * share;
-        // The mean rates hold what specific force adds where the rests are; here it adds this much more.
+        // The mean rates include the effect of specific force at the rests; here it differs by this much.
         let bias = between(&ends.rate) + ends.by_up * (attitude.tr_mul(&ends.up[0]) - between(&ends.up));
         let piece = piece.without(&bias);
         let (rotation, jacobian) = exp_and_right_jacobian(&piece.rotation(candidate));
@@ -63,8 +64,8 @@ pub fn predict<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &
     }
 }
 
-/// Adds `push` · ∂(rotation vector)/∂C, row by row. The cofactors of C = I + δ are I + tr δ − δᵀ to first order, and so they
-/// are around any other C that is near.
+/// Adds `push` · ∂(rotation vector)/∂C, row by row. The cofactors of C = I + δ are I + tr δ − δᵀ to first order, which
+/// also holds around any other C near I.
 fn add_by_inverse(sum: &mut SMatrix<f64, 3, 9>, push: &Matrix3<f64>, piece: &Piece) {
     let coning = push * piece.coning;
     for row in 0..3 {
@@ -79,7 +80,7 @@ fn add_by_inverse(sum: &mut SMatrix<f64, 3, 9>, push: &Matrix3<f64>, piece: &Pie
     }
 }
 
-/// The furthest that specific force comes from where it was before a turn, rad.
+/// Largest angle between specific force during a turn and that before it, rad.
 pub fn furthest<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> f64 {
     let (start, mut up, mut least) = (ends.up[0], ends.up[0], 1.0_f64);
     for turn in rotations(pieces, candidate, ends) {
@@ -89,16 +90,16 @@ pub fn furthest<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: 
     libm::acos(least.clamp(-1.0, 1.0))
 }
 
-/// Where specific force points after a turn and on the way.
+/// Direction of specific force during and after a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Followed {
-    /// Direction after it, unit vector.
+    /// Direction after the turn, unit vector.
     pub up: Vector3<f64>,
-    /// Mean of the directions on the way.
+    /// Mean of the directions during the turn.
     pub mean: Vector3<f64>,
 }
 
-/// Follows the direction of specific force along a turn, and nothing else.
+/// Follows only the direction of specific force along a turn.
 pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Followed {
     let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
     let (mut up, mut since, mut sum) = (ends.up[0], 0.0, Vector3::zeros());
@@ -113,23 +114,23 @@ pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &C
     Followed { up, mean: sum / total }
 }
 
-/// How the sensor turned, all in all.
+/// Total rotation of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Of the whole rotation, 0 to π, rad.
+    /// Angle of the whole rotation, 0 to π, rad.
     pub angle: f64,
-    /// Of the whole rotation, unit vector in the sensor's axes before it; x where it did not turn.
+    /// Axis of the whole rotation, unit vector in the sensor's axes before it; x if it did not turn.
     pub axis: Vector3<f64>,
     /// Rotation about the vertical, counterclockwise seen from above, whole turns counted, rad.
     pub vertical: f64,
 }
 
-/// Adds up a turn.
+/// Sums up the rotation of a turn.
 pub fn motion<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Motion {
     let (mut attitude, mut vertical) = (UnitQuaternion::identity(), 0.0);
     let mut up = ends.up[0];
     for turn in rotations(pieces, candidate, ends) {
-        // Gravity keeps its part along the axis that it turns about.
+        // The component of gravity along the axis of rotation stays the same.
         vertical += turn.dot(&up);
         up = exp(&turn).tr_mul(&up);
         attitude *= UnitQuaternion::from_scaled_axis(turn);

@@ -1,4 +1,4 @@
-//! Samples of a gyroscope in, stretches of motion out, each a [`Piece`] and what it was like.
+//! Preintegrator of a gyroscope: takes samples, returns stretches of motion, each a [`Piece`] with its statistics.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use super::piece::Piece;
 use super::timebase::Timebase;
 use crate::Stamp;
 
-/// The integrals of a [`Piece`], as they are remembered.
+/// Integrals of a [`Piece`] as they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub(super) struct Integrals([f32; 10]);
@@ -24,44 +24,44 @@ impl Integrals {
         Piece { angle: vector(0), coning: vector(3), moment: vector(6), seconds: at(9) }
     }
 
-    /// This one and the next as one.
+    /// Joins this piece and the next.
     pub(super) fn then(&self, next: &Self) -> Self {
         Self::of(&self.piece().then(&next.piece()))
     }
 }
 
-/// A piece of the stream.
+/// Stretch of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stretch {
-    /// Where its first and last samples' cells begin and end.
+    /// Start of its first sample's cell.
     pub start: Stamp,
-    /// The end is the start of the next one.
+    /// End of its last sample's cell, which is the start of the next stretch.
     pub end: Stamp,
-    /// What was integrated.
+    /// Integrals over the stretch.
     pub(super) integrals: Integrals,
-    /// ∫ ‖ω‖ dt, rad.
+    /// Path ∫ ‖ω‖ dt, rad.
     pub path: f32,
-    /// Σ ‖second difference of ω‖² h², rad²: what changes faster than the samples follow.
+    /// Roughness Σ ‖second difference of ω‖² h², rad²: changes faster than the samples.
     pub roughness: f32,
     /// Longest time between two samples, s.
     pub gap: f32,
     /// Largest reading of an axis, rad/s.
     pub peak: f32,
-    /// Readings that equal the stream's highest or lowest one of their axis so far.
+    /// Number of readings that equal the stream's highest or lowest one of their axis so far.
     pub pinned: u16,
-    /// Whether the stamps broke in it.
+    /// Whether the stamps broke within the stretch.
     pub broken: bool,
-    /// Sum of specific forces that were felt in it, m/s², and how many.
+    /// Sum of the specific forces during the stretch, m/s², and their number.
     pub(super) felt: ([f32; 3], u32),
 }
 
 impl Stretch {
-    /// Its integrals.
+    /// Integrals over the stretch.
     pub fn piece(&self) -> Piece {
         self.integrals.piece()
     }
 
-    /// This one and the next as one.
+    /// Joins this stretch and the next.
     pub fn then(&self, next: &Self) -> Self {
         Self {
             end: next.end,
@@ -80,19 +80,19 @@ impl Stretch {
         }
     }
 
-    /// Mean specific force in it, m/s².
+    /// Mean specific force during the stretch, m/s².
     pub fn force(&self) -> Option<Vector3<f64>> {
         let (sum, count) = self.felt;
         (count > 0).then(|| Vector3::from(sum.map(f64::from)) / f64::from(count))
     }
 }
 
-/// How long a stretch may be.
+/// Largest size of a stretch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limit {
-    /// Of its path, rad.
+    /// Path, rad.
     pub path: f64,
-    /// Of its time, s.
+    /// Duration, s.
     pub seconds: f64,
 }
 
@@ -102,15 +102,15 @@ impl Default for Limit {
     }
 }
 
-/// Sums over the open stretch, in constant memory.
+/// Preintegrator: sums over the open stretch, in constant memory.
 ///
-/// Each sample counts for its cell, from halfway to the sample before to halfway to the one after; how the rate turns from
-/// one to the next adds a twelfth of their cross product (Bortz 1971; Savage, "Strapdown inertial navigation integration
-/// algorithm design", 1998).
+/// Each sample counts for its cell, from halfway to the sample before to halfway to the one after. The change of the
+/// rate from one cell to the next adds a twelfth of their cross product (Bortz 1971; Savage, "Strapdown inertial
+/// navigation integration algorithm design", 1998).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Preintegrator {
     timebase: Timebase,
-    /// The last sample, whose cell is open, and how long ago the one before was, s.
+    /// Last sample, whose cell is open, and the interval before it, s.
     last: Option<(Stamp, Vector3<f64>)>,
     interval: f64,
     /// Angle of the last cell, rad.
@@ -128,7 +128,7 @@ struct Open {
     start: Option<Stamp>,
     angle: Vector3<f64>,
     coning: Vector3<f64>,
-    /// ∫ t ω dt, t from its start.
+    /// First moment ∫ t ω dt, t from its start.
     first_moment: Vector3<f64>,
     seconds: f64,
     path: f64,
@@ -141,11 +141,11 @@ struct Open {
     forces: u32,
 }
 
-/// Slower readings are at no end of a range, rad/s.
+/// Least reading that can be at the end of a range, rad/s.
 const FAST: f64 = 0.5;
 
 impl Preintegrator {
-    /// Takes a sample; the stretch that it closes, if it closes one.
+    /// Takes a sample, and returns the stretch that it closes, if any.
     pub fn push(&mut self, stamp: Stamp, rate: &Vector3<f64>, limit: &Limit) -> Option<Stretch> {
         let Some((last, before)) = self.last else {
             self.timebase.interval(stamp);
@@ -153,7 +153,7 @@ impl Preintegrator {
             return None;
         };
         if stamp <= last {
-            // The clock was set back: what was is not connected to what follows.
+            // The clock was set back: what came before is not connected to what follows.
             let closed = self.close(last, true);
             self.timebase = Timebase::default();
             self.timebase.interval(stamp);
@@ -186,18 +186,18 @@ impl Preintegrator {
         self.close(last.plus_nanos(stamp.since(last) / 2), false)
     }
 
-    /// A specific force that was felt about now, m/s².
+    /// Takes a specific force measured about now, m/s².
     pub fn feel(&mut self, force: &Vector3<f64>) {
         self.open.force += force;
         self.open.forces = self.open.forces.saturating_add(1);
     }
 
-    /// The reading of this moment was clipped, says the driver.
+    /// Counts the current reading as clipped, as reported by the driver.
     pub fn clip(&mut self) {
         self.open.pinned = self.open.pinned.saturating_add(Self::CLIPPED);
     }
 
-    /// So many readings at the end of what was read before make a range.
+    /// Number of readings at the extremes of the stream so far that mean the end of a range.
     pub const CLIPPED: u16 = 2;
 
     /// Largest reading of the stream, rad/s.
@@ -214,7 +214,8 @@ impl Preintegrator {
         self.look_for_range(rate);
     }
 
-    /// Readings that stop at the same value are at the end of a range; what rises passes each value once.
+    /// Counts readings at the extremes: those that stop at one value are at the end of a range; a rising rate passes
+    /// each value once.
     fn look_for_range(&mut self, rate: &Vector3<f64>) {
         let peak = rate.amax();
         self.open.peak = self.open.peak.max(peak);

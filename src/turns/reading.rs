@@ -1,36 +1,35 @@
-//! Ways in which a gyroscope may read: the unit of its readings, and how its axes stand against those of an accelerometer.
-//! Which of them the turns speak for is left to `evidence`.
+//! Unit and axis order that the readings of a gyroscope may have, relative to those of an accelerometer.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Unit that rates are recorded in.
+/// Unit of recorded rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RateScale {
-    /// rad/s.
+    /// Radians per second.
     Radians,
-    /// °/s.
+    /// Degrees per second.
     Degrees,
-    /// Thousandths of a rad/s.
+    /// Milliradians per second.
     Milliradians,
-    /// Thousandths of a °/s.
+    /// Millidegrees per second.
     Millidegrees,
-    /// Readings of a converter, so many a °/s.
+    /// Counts of a converter, so many per °/s.
     Counts(f64),
 }
 
-/// Counts a °/s of converters in use: InvenSense and Bosch at ±2000, 1000, 500, 250 °/s, and ST at ±2000, 1000, 500, 250
-/// (MPU-6000/MPU-6050 product specification, rev. 3.4, table 6.1; LSM6DSO datasheet, rev. 2, table 2: 70, 35, 17.5,
+/// Counts per °/s of common converters: InvenSense and Bosch at ±2000, 1000, 500, 250 °/s, and ST at ±2000, 1000, 500,
+/// 250 (MPU-6000/MPU-6050 product specification, rev. 3.4, table 6.1; LSM6DSO datasheet, rev. 2, table 2: 70, 35, 17.5,
 /// 8.75 mdps a count).
 const COUNTS: [f64; 8] = [16.4, 32.8, 65.5, 131.0, 1000.0 / 70.0, 1000.0 / 35.0, 1000.0 / 17.5, 1000.0 / 8.75];
 
 impl RateScale {
-    /// Those that are known.
+    /// Returns all known units.
     pub fn all() -> impl Iterator<Item = Self> {
         let named = [Self::Radians, Self::Degrees, Self::Milliradians, Self::Millidegrees];
         named.into_iter().chain(COUNTS.map(Self::Counts))
     }
 
-    /// Readings a rad/s.
+    /// Readings per rad/s.
     pub fn per_radian(self) -> f64 {
         match self {
             Self::Radians => 1.0,
@@ -41,50 +40,50 @@ impl RateScale {
         }
     }
 
-    /// The one with about so many readings a rad/s.
+    /// Known unit nearest to a number of readings per rad/s.
     pub fn near(per_radian: f64) -> Self {
         let off = |scale: &Self| libm::log(scale.per_radian() / per_radian).abs();
         Self::all().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(Self::Radians)
     }
 }
 
-/// How the axes of a gyroscope stand: axis i of the accelerometer is, up to its sign, axis `from[i]` of the gyroscope.
+/// Axis order of a gyroscope: axis i of the accelerometer is, up to its sign, axis `from[i]` of the gyroscope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AxisOrder {
-    /// By axis of the accelerometer.
+    /// Axis of the gyroscope for each axis of the accelerometer.
     pub from: [usize; 3],
-    /// Whether it is the other way round there.
+    /// Whether that axis has the opposite sign.
     pub flipped: [bool; 3],
 }
 
 impl AxisOrder {
-    /// As it should be.
+    /// Correct order.
     pub const RIGHT: Self = Self { from: [0, 1, 2], flipped: [false; 3] };
 
-    /// All 48.
+    /// Returns all 48 orders.
     pub fn all() -> impl Iterator<Item = Self> {
         const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 0, 2], [0, 2, 1], [2, 1, 0], [1, 2, 0], [2, 0, 1]];
         let flipped = |signs: u8| [signs & 1 != 0, signs & 2 != 0, signs & 4 != 0];
         ORDERS.into_iter().flat_map(move |from| (0..8).map(move |signs| Self { from, flipped: flipped(signs) }))
     }
 
-    /// Whether each axis is its own, with whatever sign.
+    /// Whether each axis is its own, with either sign.
     pub fn is_in_order(self) -> bool {
         self.from == Self::RIGHT.from
     }
 
-    /// What maps the gyroscope's readings into the accelerometer's axes.
+    /// Matrix that maps the gyroscope's readings into the accelerometer's axes.
     pub fn matrix(self) -> Matrix3<f64> {
         let row = |axis: usize| Vector3::ith(self.from[axis], if self.flipped[axis] { -1.0 } else { 1.0 }).transpose();
         Matrix3::from_rows(&[row(0), row(1), row(2)])
     }
 
-    /// Whether it makes a right hand a left one.
+    /// Whether it changes the handedness of the axes.
     pub fn is_mirrored(self) -> bool {
         self.matrix().determinant() < 0.0
     }
 
-    /// The other way round about every axis.
+    /// Same order with opposite signs.
     pub fn reversed(self) -> Self {
         Self { flipped: self.flipped.map(|flipped| !flipped), ..self }
     }

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Coefficients of the skew matrix and of its square in the exponential and in the right Jacobian.
+/// Coefficients of the skew matrix and its square in the exponential and in the right Jacobian.
 fn coefficients(squared: f64) -> [f64; 3] {
-    /// Below this angle, in rad, the series are exact to the last bit.
+    /// Angle below which the series are exact to the last bit, rad.
     const SMALL: f64 = 1e-2;
     if squared < SMALL * SMALL {
         let t = squared;
@@ -30,7 +30,7 @@ pub fn right_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     exp_and_right_jacobian(vector).1
 }
 
-/// Both at once.
+/// Rotation matrix and right Jacobian of a rotation vector.
 pub fn exp_and_right_jacobian(vector: &Vector3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
     let [first, second, third] = coefficients(vector.norm_squared());
     let skew = vector.cross_matrix();

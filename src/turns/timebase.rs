@@ -1,37 +1,37 @@
-//! When the samples of a gyroscope were taken, as far as their stamps tell: a converter's clock is even, stamps are taken
-//! when a driver gets to it. Where stamps break is left to [`still`](crate::still).
+//! Sampling times of a gyroscope, estimated from its stamps: a converter's clock is even, whereas stamps are taken when
+//! the driver gets to it.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
 
-/// Follows the line of the stamps over the number of the sample: a regression over the latest ones (an α–β filter with the
-/// gains of one, Bar-Shalom et al., "Estimation with applications to tracking and navigation", 2001).
+/// Regression of the stamps over the sample number, from the latest ones (an α–β filter with the gains of a regression,
+/// Bar-Shalom et al., "Estimation with applications to tracking and navigation", 2001).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Timebase {
-    /// The last stamp, and by how many nanoseconds the line has it later.
+    /// Last stamp, and the line's time for it less the stamp, ns.
     last: Option<(Stamp, f64)>,
-    /// Nanoseconds from sample to sample.
+    /// Sample period, ns.
     period: f64,
-    /// What the last stamp was off the line, ns.
+    /// Deviation of the last stamp from the line, ns.
     error: f64,
-    /// Mean square of that, ns².
+    /// Mean square of the deviations, ns².
     jitter: f64,
-    /// Mean product of two in a row, ns².
+    /// Mean product of successive deviations, ns².
     wander: f64,
-    /// So many samples the line is learned from.
+    /// Number of samples that the line is fitted to.
     memory: f64,
 }
 
-/// The line of so many samples at most; older ones fade.
+/// Largest number of samples of the line; older ones fade.
 const LONGEST: f64 = 1024.0;
-/// Over fewer the stamps are taken at their word.
+/// Fewest samples of a line; with fewer the stamps are used as they are.
 const LEAST: f64 = 32.0;
-/// A gap of more periods begins another line.
+/// Largest gap within a line, in periods.
 const GAP: f64 = 20.0;
 
 impl Timebase {
-    /// Nanoseconds from the sample before, by the line; `None` for the first one.
+    /// Interval from the sample before, by the line, ns; `None` for the first one.
     pub(super) fn interval(&mut self, stamp: Stamp) -> Option<f64> {
         let Some((last, late)) = self.last else {
             self.last = Some((stamp, 0.0));
@@ -42,16 +42,16 @@ impl Timebase {
             *self = Self { last: Some((stamp, 0.0)), period: interval.max(1.0), memory: 1.0, ..Self::default() };
             return Some(interval.max(0.0));
         }
-        // Where the stamp is against the line, one sample on.
+        // Deviation of the stamp from the line, one sample on.
         let mut error = interval - late - self.period;
         let mut steps = 1.0;
         let slip = libm::rint(error / self.period);
         if slip != 0.0 && error.abs() > 3.3 * self.jitter.sqrt() {
-            // Samples were lost; or it was a late stamp that looked like that.
+            // Samples were lost, or a late stamp looked like that.
             steps = (steps + slip).max(0.0);
             error -= (steps - 1.0) * self.period;
         }
-        // What is off the line again and again is another line.
+        // Repeated deviations to one side mean another line.
         let lasting = self.wander > 0.3 * self.jitter;
         self.memory = if lasting { (0.95 * self.memory).max(2.0) } else { (self.memory + 1.0).min(LONGEST) };
         let n = self.memory;
@@ -74,8 +74,8 @@ mod tests {
 
     use super::*;
 
-    /// Standard deviation of the intervals by the line, in ns, of samples whose stamps scatter by `jitter` ns around each
-    /// 10 ms of which a twentieth is lost.
+    /// Standard deviation, in ns, of the intervals by the line for samples each 10 ms, whose stamps scatter by `jitter`
+    /// ns and a share `lost` of which is missing.
     fn scatter(jitter: f64, lost: f64) -> f64 {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut timebase = Timebase::default();
