@@ -1,6 +1,6 @@
-//! Samples in, events out: the rests found and the calibration they determine.
+//! Engine of one IMU: takes samples, returns events on the rests found and the calibration they determine.
 //!
-//! One [`Engine`] an IMU. It reads no file and no clock, keeps constant memory, and says the same for the same samples,
+//! An [`Engine`] reads no file and no clock, keeps constant memory, and returns the same events for the same samples,
 //! whoever feeds it.
 //!
 //! ```
@@ -83,7 +83,7 @@ use crate::messages::foxglove::log::Level;
 use crate::still::{AllanSums, Outcome, Rest, Segmenter, State, Status};
 use crate::turns::{Explanation, History};
 
-/// Learns the calibration of one IMU.
+/// Engine that learns the calibration of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Engine {
     config: Config,
@@ -94,22 +94,22 @@ pub struct Engine {
     gate: ChangeGate,
     turns: History,
     turns_told: TurnsTold,
-    /// Until the noise floor is credible.
+    /// Unit probe, until the noise floor is credible.
     probe: Option<Box<UnitProbe>>,
     noise: Noise,
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
     last_stillness: Option<Stamp>,
     last: Option<(Stamp, u64)>,
-    /// Where the recording says that it is made.
+    /// Position from the recording.
     fix: Option<Place>,
 }
 
-/// Nanoseconds between two stillness messages while nothing changes.
+/// Longest time between two stillness messages, ns.
 const STILLNESS_PERIOD: i64 = 1_000_000_000;
 
 impl Engine {
-    /// An engine that has seen nothing.
+    /// Creates an engine without samples.
     pub fn new(config: Config) -> Self {
         Self {
             fixture: Fixture::new(&config.fit.fixture),
@@ -129,7 +129,7 @@ impl Engine {
         }
     }
 
-    /// Takes a sample; what it taught is appended to `events`.
+    /// Takes a sample, and appends the events that it causes to `events`.
     pub fn push(&mut self, sensor: Sensor, sample: &Sample, events: &mut Vec<Event>) {
         if let Some(reference) = &mut self.reference {
             reference.push(sensor, sample);
@@ -149,7 +149,7 @@ impl Engine {
             self.turns.at_rest(since, until);
         }
         self.last = Some((sample.stamp, sample.log_time));
-        // A clock that was set back counts as a second passed.
+        // A clock that was set back counts as due.
         let due = self.last_stillness.is_none_or(|last| !(0..STILLNESS_PERIOD).contains(&sample.stamp.since(last)));
         if changed || due {
             self.last_stillness = Some(sample.stamp);
@@ -158,7 +158,7 @@ impl Engine {
         }
         self.learn(sample.stamp, sample.log_time, false, events);
         if self.segmenter.state() != State::Unknown {
-            // What follows is judged by the rests themselves.
+            // From here on the rests themselves are judged.
             self.probe = None;
         } else if self.probe.as_mut().is_some_and(|probe| probe.is_due()) && self.is_misread() {
             let solution = self.solve();
@@ -166,8 +166,8 @@ impl Engine {
         }
     }
 
-    /// The driver says that the reading of this stamp was clipped. The rest that it falls into is rejected as saturated;
-    /// in motion it means nothing. To be said before or after the reading itself, but not much later.
+    /// Marks the reading of a stamp as clipped, as reported by the driver. The rest that contains it is rejected as
+    /// saturated; in motion it has no effect. To be called before or soon after the reading itself is pushed.
     pub fn clipped(&mut self, sensor: Sensor, stamp: Stamp) {
         self.segmenter.clip(sensor, stamp);
         if sensor == Sensor::Gyroscope {
@@ -175,9 +175,9 @@ impl Engine {
         }
     }
 
-    /// The driver has changed the calibration that it applies to a triad by itself, from the sample with this stamp on:
-    /// to be said before that sample is pushed. An open rest ends, and what the triad read so far no longer counts; of
-    /// the primary accelerometer, no earlier rest does.
+    /// Begins a new round, when the driver changes the calibration that it applies to a triad, from the sample with
+    /// this stamp on. To be called before that sample is pushed. An open rest ends, and the readings of the triad so
+    /// far no longer count; for the primary accelerometer, no earlier rest does.
     pub fn begin_round(&mut self, sensor: Sensor, stamp: Stamp, log_time: u64, events: &mut Vec<Event>) {
         self.segmenter.cut(sensor);
         self.learn(stamp, log_time, false, events);
@@ -196,23 +196,24 @@ impl Engine {
         self.publish(&solution, stamp, log_time, false, events);
     }
 
-    /// Learns where the recording is made: what is fitted from now on uses the gravity and the Earth's rotation there,
-    /// unless the configuration knows better.
+    /// Sets the position of the recording: later fits use its gravity and Earth's rotation, unless the configuration
+    /// has a value.
     pub fn locate(&mut self, place: Place) {
         self.fix = Some(place);
     }
 
-    /// The gyroscope turned out to be on this topic.
+    /// Sets the topic of the gyroscope once it is known.
     pub fn gyroscope_on(&mut self, topic: &str) {
         topic.clone_into(&mut self.config.gyroscope);
     }
 
-    /// Whether the IMU rests, and what that is judged by.
+    /// Current state of rest, with the statistic and thresholds behind it.
     pub fn status(&self) -> Status {
         self.segmenter.status()
     }
 
-    /// The recording has ended: closes an open rest, publishes what is left to publish, and says what was wrong with the stream.
+    /// Closes an open rest at the end of the recording, publishes what remains, and reports what was wrong with the
+    /// stream.
     pub fn finish(&mut self, events: &mut Vec<Event>) {
         let Some((stamp, log_time)) = self.last else { return };
         self.segmenter.finish();
@@ -225,7 +226,7 @@ impl Engine {
         }
     }
 
-    /// Takes in the rests that have ended.
+    /// Processes the rests that have ended.
     fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         while let Some(rest) = self.segmenter.next_rest() {
             self.turns.rest(&rest);
@@ -246,7 +247,7 @@ impl Engine {
         }
     }
 
-    /// Takes in the noise of the stretches of rest that have ended, those in which a rest was one.
+    /// Adds the noise of the finished stretches in which the IMU was at rest by the verdicts.
     fn hear_noise(&mut self) {
         while let Some(stretch) = self.segmenter.next_stretch() {
             let mut rests = self.history.entries().iter().filter(|entry| entry.rest.placement == stretch.placement);
@@ -256,12 +257,12 @@ impl Engine {
         }
     }
 
-    /// Judges every remembered rest anew and fits what the good ones determine.
+    /// Judges every stored rest anew and fits what the accepted ones determine.
     fn solve(&mut self) -> Solution {
         let gyro_range = self.gyro_range();
         let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
-        // The stream tells its step; of one that never rests on neighbouring values the datasheet does.
+        // The step follows from the stream; if it never rests on neighbouring values, from the datasheet.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
         let accel_unit = config.accel_unit.unwrap_or_default();
@@ -285,12 +286,12 @@ impl Engine {
         solution
     }
 
-    /// Of the preset, rad/s.
+    /// Range of the gyroscope by the preset, rad/s.
     fn gyro_range(&self) -> Option<f64> {
         self.config.preset.and_then(|preset| Some(preset.datasheet().gyroscope.as_ref()?.range))
     }
 
-    /// Says what has changed: segments, then turns, coverage, calibration.
+    /// Publishes changes: segments, then turns, coverage, calibration.
     fn publish(&mut self, solution: &Solution, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
         let header = publication::header(stamp, &self.config.frame_id);
         let event = |message| Event { log_time, message };
@@ -340,7 +341,7 @@ impl Engine {
         }
     }
 
-    /// Whether readings that are too loud to be believed turned out to be in another unit.
+    /// Whether readings too loud for a rest turned out to be in another unit.
     fn is_misread(&self) -> bool {
         let unit = self.config.gyro_unit.unwrap_or_default();
         let factor = self.config.accel_unit.unwrap_or_default().factor();
@@ -377,7 +378,7 @@ impl Engine {
     }
 }
 
-/// Judges and fits rests as an engine would that had found them all. Placements are told apart by their numbers.
+/// Judges and fits rests as if one engine had found them all. Placements are distinguished by their numbers.
 pub fn refit(
     rests: impl IntoIterator<Item = Rest>,
     noise: BTreeMap<Sensor, AllanSums>,

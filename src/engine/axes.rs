@@ -1,9 +1,10 @@
-//! How the gyroscope reads: whether its integral from rest to rest explains how gravity turned, or would in another unit or
-//! with other axes. What becomes of a sensor that is found out is left to `fault_detection`.
+//! Test of the gyroscope's unit and axes: whether its integral from rest to rest explains how gravity turned, or would
+//! in another unit or with other axes.
 //!
-//! A vector that is fixed in the world obeys a′ = −ω × a in the sensor's frame. If the accelerometer reads m = P a and the
-//! gyroscope w = Q ω, with axes exchanged and flipped by P and Q, then m′ = −(R w) × m with R = det P · P Qᵀ: of all the ways
-//! to get axes wrong, 48 can be told apart. A mirrored R is the gyroscope's doing; one that is not may be either's.
+//! A vector fixed in the world obeys a′ = −ω × a in the sensor's frame. If the accelerometer reads m = P a and the
+//! gyroscope w = Q ω, with axes exchanged and flipped by P and Q, then m′ = −(R w) × m with R = det P · P Qᵀ: of all
+//! wrong axis orders, 48 can be distinguished. A mirrored R is a fault of the gyroscope; any other may be a fault of
+//! either.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,27 +15,27 @@ use crate::imu::RateUnit;
 use crate::messages::segment::Reason;
 use crate::turns::{Ends, Explanation, History, RateScale, SeenTurn, Unusable, angle_between, explain};
 
-/// A rest, as far as it tells how a gyroscope reads.
+/// Rest, as evidence on how a gyroscope reads.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stood {
     pub(super) start: Stamp,
-    /// What the accelerometer read, in whatever unit.
+    /// Mean reading of the accelerometer, in whatever unit.
     pub(super) force: Vector3<f64>,
-    /// What the gyroscope read.
+    /// Mean reading of the gyroscope, in whatever unit.
     pub(super) rate: Vector3<f64>,
 }
 
-/// So many of the latest turns suffice.
+/// Largest number of turns used, the latest ones.
 const MOST_TURNS: usize = 12;
-/// Gravity must have turned by this to say anything, rad.
+/// Least angle by which gravity must have turned, rad.
 const TURNED: f64 = 0.45;
-/// A longer way says too little, s.
+/// Longest usable turn, s.
 const LONGEST: f64 = 60.0;
 /// Standard gravity, m/s².
 const G: f64 = 9.80665;
 
 impl Stood {
-    /// What a wrong unit or a wrong axis makes of a rest is no reason to do without it.
+    /// Takes a rest that was accepted, or rejected for what a wrong unit or a wrong axis may cause.
     pub(super) fn of(entry: &JudgedRest) -> Option<Self> {
         let rest = &entry.rest;
         let stood = matches!(
@@ -47,17 +48,17 @@ impl Stood {
     }
 }
 
-/// What the turns say of a gyroscope whose readings were taken for this unit.
+/// Explains the turns of a gyroscope whose readings were taken for this unit.
 pub(super) fn explanation(history: &History, stood: &[Stood], unit: RateUnit) -> Explanation {
-    // Readings in rad/s are what was recorded, times the factor of the unit.
+    // A reading in rad/s is the recorded one times the factor of the unit.
     let scales: Vec<_> = RateScale::all().map(|scale| scale.per_radian() * unit.factor()).collect();
     explain(&seen(history, stood), &scales)
 }
 
-/// The turns by which gravity turned.
+/// Selects the turns that also rotated gravity.
 fn seen(history: &History, stood: &[Stood]) -> Vec<SeenTurn> {
     let at = |start: Stamp| stood.iter().find(|rest| rest.start == start);
-    // In whatever unit it reads, in m/s² gravity is what the rests share.
+    // Scale to m/s² from any unit: gravity is the length that the rests share.
     let scale = typical(stood.iter().map(|rest| rest.force.norm())).map_or(1.0, |gravity| G / gravity);
     let forces: Vec<_> = stood.iter().map(|rest| rest.force * scale).collect();
     let calibration = guess(forces.iter(), G);
@@ -78,7 +79,7 @@ fn seen(history: &History, stood: &[Stood]) -> Vec<SeenTurn> {
     seen.take(MOST_TURNS).collect()
 }
 
-/// The middle one of several lengths.
+/// Median of several lengths.
 pub(super) fn typical(lengths: impl Iterator<Item = f64>) -> Option<f64> {
     let mut lengths: Vec<_> = lengths.filter(|length| *length > 0.0).collect();
     let middle = lengths.len() / 2;

@@ -1,5 +1,4 @@
-//! Which of what an engine knows is news: what was published last, and by how much the rest has moved since. Putting it
-//! into messages is left to `publication`.
+//! Change gate: selects what is new among the results of an engine, compared with what was published last.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -9,28 +8,28 @@ use crate::fit::{Fixture, Parameterisation, Refit};
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, Triad};
 
-/// The placements since the last published calibration of the accelerometer.
+/// Round of placements since the last published calibration of the accelerometer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Round {
-    /// Whether it is time for another.
+    /// Whether the round is complete, so that another calibration is due.
     is_whole: bool,
     /// End of the last rest.
     end: Option<Stamp>,
 }
 
-/// Remembers what was published.
+/// State of the change gate: what was published last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct ChangeGate {
     #[serde(serialize_with = "encode", deserialize_with = "decode")]
     coverage: Option<messages::Coverage>,
     #[serde(serialize_with = "encode", deserialize_with = "decode")]
     calibration: Option<messages::Calibration>,
-    /// The end of the last rest that a published calibration of the accelerometer knew.
+    /// End of the last rest in a published calibration of the accelerometer.
     round: Option<Stamp>,
 }
 
 impl ChangeGate {
-    /// The coverage, if it is another than before.
+    /// Returns the coverage if it changed.
     pub(super) fn coverage(&mut self, coverage: messages::Coverage) -> Option<messages::Coverage> {
         let same = self.coverage.as_ref().is_some_and(|last| {
             last.faces == coverage.faces && last.complete == coverage.complete && last.next_step == coverage.next_step
@@ -42,7 +41,7 @@ impl ChangeGate {
         Some(coverage)
     }
 
-    /// How far the round of placements is that followed the last published calibration of the accelerometer.
+    /// Progress of the round of placements since the last published calibration of the accelerometer.
     pub(super) fn round(&self, book: &RestHistory, fixture: &Fixture, refit: Refit) -> Round {
         let accepted = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
         let fresh = |face: usize| {
@@ -52,7 +51,7 @@ impl ChangeGate {
         Round { is_whole, end: accepted().map(|entry| entry.rest.end).max() }
     }
 
-    /// The model of the accelerometer that was published last, if that was determined.
+    /// Model of the accelerometer that was published last, if it was determined.
     pub(super) fn shape(&self) -> Option<Parameterisation> {
         match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
             Model::BiasScale => Some(Parameterisation::DIAGONAL),
@@ -63,8 +62,9 @@ impl ChangeGate {
         }
     }
 
-    /// The calibration with its revision, if it is worth publishing: a parameter moved by half a standard deviation, a
-    /// standard deviation shrank by a tenth, a verdict changed; at the end of the recording, if more rests entered.
+    /// Returns the calibration with its revision if it is worth publishing: a parameter moved by half a standard
+    /// deviation, a standard deviation shrank by a tenth, or a verdict changed; at the end of the recording, also if
+    /// more rests entered.
     pub(super) fn calibration(
         &mut self,
         mut calibration: messages::Calibration,
@@ -107,7 +107,7 @@ fn is_news(last: &Triad, now: &Triad) -> bool {
     }
     let old = parameters_of(last).zip(stds_of(last));
     let new = parameters_of(now).zip(stds_of(now));
-    // What is not estimated has no deviation, and never moves.
+    // A parameter that is not estimated has no deviation, and never moves.
     old.zip(new)
         .filter(|((_, was_std), _)| *was_std > 0.0)
         .any(|((was, was_std), (is, is_std))| (is - was).abs() >= 0.5 * was_std || is_std <= 0.9 * was_std)
@@ -125,7 +125,7 @@ fn components(vector: Option<&messages::Vector3>) -> impl Iterator<Item = f64> {
     vector.map(|v| [v.x, v.y, v.z]).into_iter().flatten()
 }
 
-/// A message is kept as its bytes.
+/// Serialises a message as its bytes.
 fn encode<M: prost::Message, S: Serializer>(message: &Option<M>, serializer: S) -> Result<S::Ok, S::Error> {
     message.as_ref().map(M::encode_to_vec).serialize(serializer)
 }

@@ -1,14 +1,14 @@
-//! Configuration of one engine: its IMU, and how rests are found and fitted.
+//! Configuration of one engine: its IMU, and the settings of rests and fits.
 
 use serde::{Deserialize, Serialize};
 
 use crate::imu::{AccelUnit, Preset, RateUnit, SecondaryModel};
 use crate::{fit, still};
 
-/// What an engine is to know of its IMU.
+/// Settings of an engine and properties of its IMU.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Config {
-    /// What the IMU is called in log messages, its output name for instance.
+    /// Name of the IMU in log messages, such as its output name.
     pub name: String,
     /// Frame of the messages.
     pub frame_id: String,
@@ -16,31 +16,31 @@ pub struct Config {
     pub accelerometer: String,
     /// Topic of the gyroscope.
     pub gyroscope: String,
-    /// The secondary accelerometers.
+    /// Secondary accelerometers.
     pub secondary: Vec<Secondary>,
-    /// Which sensor it is, if that is known; [`Config::of`] sets it with what its datasheet says.
+    /// Type of the sensor, if known; [`Config::of`] sets it together with the values of its datasheet.
     pub preset: Option<Preset>,
     /// Unit that the accelerometer's readings were converted from, if one is set.
     pub accel_unit: Option<AccelUnit>,
-    /// Unit that the gyroscope's readings were converted from, if one is set: it is not asked for again.
+    /// Unit that the gyroscope's readings were converted from, if one is set: then no confirmation of it is needed.
     pub gyro_unit: Option<RateUnit>,
-    /// Whether a reference tells what there was to read.
+    /// Whether a reference provides the true values.
     pub reference: bool,
-    /// How rests are found.
+    /// Settings of the detection of rests.
     pub still: still::Config,
-    /// How a calibration is fitted.
+    /// Settings of the fit.
     pub fit: fit::Config,
 }
 
-/// A further accelerometer that moves with the IMU.
+/// Secondary accelerometer, which moves with the IMU.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Secondary {
-    /// What it is called in the annotations.
+    /// Name in the annotations.
     pub name: String,
-    /// Its topic.
+    /// Topic of the accelerometer.
     pub topic: String,
-    /// Which sensor it is, if that is known.
+    /// Type of the sensor, if known.
     pub preset: Option<Preset>,
-    /// Which measurement model.
+    /// Measurement model.
     pub model: SecondaryModel,
 }

@@ -1,5 +1,5 @@
-//! Whether the accelerometer's bias moved during the session: by what its placements say of each other, and by how it changed
-//! while it lay still. Following a drift is left to the configuration.
+//! Test whether the accelerometer's bias moved during the session: by comparing placements, and by the changes of
+//! readings at rest.
 
 use std::collections::BTreeMap;
 
@@ -13,49 +13,49 @@ use crate::fit::accelerometer::{self, Assumptions, Observation};
 use crate::fit::{self, Calibration, Estimate, Fixture, Hint, Slope, Wandering, slope, unexcluded, wandering};
 use crate::messages::segment::Reason;
 
-/// A bias that moved, or may have.
+/// Bias that moved, or may have.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Drift {
     course: Course,
-    /// What each face read more at its last visit than at its first, m/s², and how many seconds later that was.
+    /// Change of the reading of each face from its first to its last visit, m/s², and the seconds in between.
     faces: Vec<(String, f64, f64)>,
-    /// The half-life with which the fit would have followed, in seconds, as its own rests tell.
+    /// Half-life with which the fit would have followed, by its own rests, s.
     half_life: Option<f64>,
-    /// What the parameters may be off by, at the beginning of the session or by now: half of a 95 % interval.
+    /// Possible error of the parameters, at the beginning of the session or now: half of a 95 % interval.
     pub(super) moved: DVector<f64>,
-    /// Whether a half-life that was set keeps that within the bars.
+    /// Whether a configured half-life keeps that error within the bars.
     pub(super) followed: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Course {
-    /// m/s², over so many seconds.
+    /// Change, m/s², and its duration, s.
     Ramp(Vector3<f64>, f64),
-    /// Axis and m/s², between two moments in seconds since the first rest.
+    /// Axis, change, m/s², and the two times between which it happened, s since the first rest.
     Step(usize, f64, [f64; 2]),
-    /// The same of a change within a placement that may be a tilt as well.
+    /// Axis, change, m/s², and time, s since the first rest, of a change within a placement that may also be a tilt.
     Hinted(usize, f64, f64),
 }
 
-/// What a fit was made of.
+/// Inputs and result of a fit.
 pub(super) struct Fitted<'a> {
     pub(super) entries: &'a [JudgedRest],
-    /// Placements that count, and those that contradict them.
+    /// Placements in the fit, and those that contradict them.
     pub(super) seen: &'a [Placed],
     pub(super) left_out: &'a [Placed],
     pub(super) given: &'a Assumptions<'a>,
-    /// The accelerometer's quantisation step, m/s².
+    /// Quantisation step of the accelerometer, m/s².
     pub(super) step: Option<f64>,
-    /// The best that is known.
+    /// Best known calibration.
     pub(super) calibration: Calibration,
-    /// The fit itself, if there is one.
+    /// Estimate, if the fit has one.
     pub(super) fit: Option<&'a Estimate>,
 }
 
 /// Looks for a bias that moved.
 pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Option<Drift> {
     let Fitted { entries, given, step, calibration, fit, .. } = fitted;
-    // Without ageing, which only says how much a fit is to believe of what was long ago.
+    // Ageing is switched off: it only sets how much a fit trusts old placements.
     let ageless = fit::Config { half_life_s: None, ..judge.fit.clone() };
     let fresh = observations::placements(entries, &Judge { fit: &ageless, ..*judge }, poses, *step);
     let seen = if judge.fit.half_life_s.is_some() { &fresh } else { fitted.seen };
@@ -95,7 +95,7 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
     Some(Drift { course, faces, half_life, moved, followed })
 }
 
-/// The longest half-life with which a fit of these rests lags behind by no more than its bars.
+/// Longest half-life with which a fit of these rests lags by no more than its bars.
 fn follows(
     Fitted { entries, given, step, fit, .. }: &Fitted<'_>,
     judge: &Judge<'_>,
@@ -115,7 +115,7 @@ fn follows(
     })
 }
 
-/// What a fit is off by because the bias moved: of what it was when so much of the change had happened.
+/// Shift of a fit because the bias moved, relative to its value after a share of the change.
 fn shifted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, share: f64) -> DVector<f64> {
     let mut shifted = DVector::zeros(fit.parameters.len());
     for (placement, influence) in fit.origin.iter().flat_map(|origin| &origin.influence) {
@@ -125,23 +125,23 @@ fn shifted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, share
     shifted
 }
 
-/// The most that a fit is off by, at the beginning or by now, if the change was as large as it may have been.
+/// Largest shift of a fit, relative to the beginning or to now, if the change was as large as it may have been.
 fn moved(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets: bool) -> DVector<f64> {
     let beyond = found.change.zip_map(&found.std, |change: f64, std: f64| change + change.signum() * 2.0 * std);
     let most = Wandering { change: beyond, ..*found };
-    // One that forgets is to hold what is now.
+    // A fit that forgets is for the present.
     let ends = if forgets { [1.0, 1.0] } else { [0.0, 1.0] }.map(|share| shifted(fit, &most, starts, share));
     ends[0].zip_map(&ends[1], |one: f64, other: f64| if one.abs() > other.abs() { one } else { other })
 }
 
-/// How the readings changed while the sensor lay still.
+/// Changes of the readings at rest.
 struct Told {
     slope: Option<Slope>,
     hints: Vec<Hint>,
 }
 
 fn told(entries: &[JudgedRest], first: Stamp) -> Told {
-    /// Standard deviations that noise stays below.
+    /// Least significance of a change, in standard deviations of the noise.
     const CLEAR: f64 = 5.0;
     let still = |entry: &&JudgedRest| {
         matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted | Reason::Creeping) && entry.count == 1
@@ -155,7 +155,7 @@ fn told(entries: &[JudgedRest], first: Stamp) -> Told {
     };
     for entry in &rests {
         let (rest, mean) = (&entry.rest, &entry.rest.accelerometer);
-        // The noise of a trend is that of three axes together.
+        // The noise of a trend combines three axes.
         let noise = mean.trend_noise / 3_f64.sqrt();
         if noise <= 0.0 || !noise.is_finite() || rest.seconds() <= 0.0 {
             continue;
@@ -164,7 +164,7 @@ fn told(entries: &[JudgedRest], first: Stamp) -> Told {
             rates.push((mean.trend / rest.seconds(), noise / rest.seconds()));
         }
         let middle = rest.start.seconds_since(first) + rest.seconds() / 2.0;
-        // A step in the middle of a rest has a trend of one and a half.
+        // A step in the middle of a rest has a trend of one and a half times its size.
         hint(middle, mean.trend / 1.5, noise, mean.trend / noise);
     }
     for pair in rests.windows(2).filter(|pair| pair[0].rest.placement == pair[1].rest.placement) {
@@ -177,13 +177,13 @@ fn told(entries: &[JudgedRest], first: Stamp) -> Told {
     Told { slope: slope(&rates), hints }
 }
 
-/// What faces read more at their last visit than at their first.
+/// Change of the reading of each face from its first to its last visit.
 fn faces(seen: &[Placed], fixture: &Fixture, calibration: &Calibration, placement_std: f64) -> Vec<(String, f64, f64)> {
     let mut visits: BTreeMap<usize, Vec<&Placed>> = BTreeMap::new();
     for placed in seen {
         visits.entry(placed.face).or_default().push(placed);
     }
-    // The change of length, which no tilt touches: it is that of the bias along the face.
+    // Change of length, which does not depend on tilt: it is that of the bias along the face.
     let length = |placed: &Placed| calibration.correct(&placed.observation.mean).norm();
     let change = |(face, visits): (usize, Vec<&Placed>)| {
         let (first, last, face) = (visits.first()?, visits.last()?, fixture.faces().get(face)?);
@@ -197,7 +197,7 @@ fn faces(seen: &[Placed], fixture: &Fixture, calibration: &Calibration, placemen
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Drift {
-    /// What was seen and what to do.
+    /// Text on what was seen and what to do.
     pub(super) fn explanation(&self) -> String {
         let faces = self.faces.iter().map(|(name, change, seconds)| {
             format!("{name} by {change:+.3} m/s² in {:.0} min", (seconds / 60.0).max(1.0))

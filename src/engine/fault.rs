@@ -1,4 +1,4 @@
-//! Faults of a stream that forbid a calibration or stand in its notes.
+//! Faults of a stream that forbid a calibration or appear in its notes.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,40 +9,40 @@ use crate::imu::Sensor;
 pub(super) struct Fault {
     pub(super) sensor: Sensor,
     pub(super) kind: FaultKind,
-    /// What was seen and what to do, for people.
+    /// Text for people on what was seen and what to do.
     pub(super) text: String,
 }
 
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) enum FaultKind {
-    /// Axes are flipped, or exchanged, against the other sensor.
+    /// Axes flipped or exchanged, relative to the other sensor.
     Flipped,
-    /// The gyroscope does not explain how gravity turned, and no flip does.
+    /// Rates that do not explain how gravity turned, in any order of axes.
     Disagreeing,
-    /// The turns say that it is in another unit.
+    /// Another unit, by the turns or by gravity.
     Unit,
-    /// It reads more than any sensor measures.
+    /// Rates beyond any sensor's range.
     TooFast,
-    /// Its mean relaxes to zero at rest.
+    /// Mean that relaxes to zero at rest.
     Relaxing,
-    /// An axis never changes.
+    /// Axis that never changes.
     Dead,
-    /// Readings are published twice.
+    /// Readings published twice.
     Repeated,
-    /// From face to face it spans far more than gravity.
+    /// Span from face to face far beyond gravity.
     Stretched,
-    /// It reads more than the sensor can measure.
+    /// Readings beyond the range of the sensor.
     BeyondRange,
-    /// The first rest reads −g on z.
+    /// First rest of −g on z.
     Inverted,
 }
 
 impl Fault {
-    /// Whether a calibration must not be published in spite of it.
+    /// Whether the fault forbids publishing a calibration.
     pub(super) fn forbids(&self) -> bool {
         match self.kind {
-            // A bias at rest is one, whatever the sign of the axis; an accelerometer's faces are not.
+            // A bias at rest does not depend on the sign of the axis; an accelerometer's faces do.
             FaultKind::Flipped => self.sensor == Sensor::Accelerometer,
             FaultKind::Unit
             | FaultKind::TooFast

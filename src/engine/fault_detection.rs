@@ -1,5 +1,5 @@
-//! What speaks against the readings of a triad, whatever is fitted to them: each thing is said once in the log and stands
-//! in the triad's notes, and some forbid a calibration. What is wrong with a single rest is left to `rest_judge`.
+//! Detection of faults in the readings of a triad, whatever is fitted to them. Each is logged once and appears in the
+//! triad's notes; some forbid a calibration. Faults of a single rest are found by `rest_judge`.
 
 use super::config::Config;
 use super::fault::{Fault, FaultKind};
@@ -12,7 +12,8 @@ use crate::imu::{RateUnit, Sensor};
 use crate::still::{Segmenter, Signal};
 use crate::turns::Explanation;
 
-/// All that is suspicious, given what the rests seem to determine. `force` is what is said of the accelerometer's unit.
+/// Detects all faults, given the estimates from the rests. `force` is the text on the accelerometer's unit, if that is
+/// wrong.
 pub(super) fn detect(
     segmenter: &Segmenter,
     entries: &[JudgedRest],
@@ -63,7 +64,7 @@ pub(super) fn detect(
         .collect()
 }
 
-/// What the turns say against how the gyroscope reads.
+/// Fault in how the gyroscope or the accelerometer reads, from the turns.
 fn misread(turned: &Explanation, unit: RateUnit) -> Option<Fault> {
     let fault = |sensor, kind, text| Some(Fault { sensor, kind, text });
     match *turned {
@@ -82,13 +83,13 @@ fn misread(turned: &Explanation, unit: RateUnit) -> Option<Fault> {
     }
 }
 
-/// Takes back what must not be published.
+/// Removes estimates that must not be published.
 pub(super) fn veto(solution: &mut Solution) {
     for fault in solution.faults.iter().filter(|fault| fault.forbids()) {
         match fault.sensor {
             Sensor::Accelerometer => {
                 solution.accelerometer = Err(Refusal::Fault(fault.text.clone()));
-                // Without it the turns say nothing.
+                // Without the accelerometer the turns say nothing.
                 solution.gyroscope = solution.gyro_at_rest.take().filter(|_| solution.gyroscope.is_some());
                 solution.turning = None;
                 for secondary in &mut solution.secondary {
@@ -106,14 +107,14 @@ pub(super) fn veto(solution: &mut Solution) {
     }
 }
 
-/// A scale that is off, and a bias, take readings a little beyond the nominal range.
+/// Factor beyond the nominal range that a scale error and a bias may reach.
 const BEYOND: f64 = 1.2;
-/// No datasheet allows a scale like this.
+/// Scale that no datasheet allows.
 const STRETCHED: f64 = 1.4;
-/// Faster than any hand-sized gyroscope measures (±4000 °/s), rad/s.
+/// Rate that no hand-sized gyroscope measures (±4000 °/s), rad/s.
 const FASTEST: f64 = 75.0;
 
-/// The part of the readings that repeat the one before, if that is more than chance makes.
+/// Share of the readings that repeat the one before, if more than by chance.
 fn repeated_share(signal: &Signal) -> Option<f64> {
     const CHANCE: f64 = 0.1;
     const ENOUGH: u64 = 200;
@@ -121,7 +122,7 @@ fn repeated_share(signal: &Signal) -> Option<f64> {
     (signal.is_fine() && signal.readings > ENOUGH && share > CHANCE).then_some(share)
 }
 
-/// An axis that never changed while another moved.
+/// Axis that never changed while another moved.
 fn dead_axis(signal: &Signal) -> Option<&'static str> {
     const ENOUGH: u64 = 100;
     let span = (signal.extremes.high - signal.extremes.low).max();
@@ -130,8 +131,8 @@ fn dead_axis(signal: &Signal) -> Option<&'static str> {
     axes.filter(|(i, _)| alive && signal.extremes.is_constant(*i)).map(|(_, axis)| axis).next()
 }
 
-/// The mean rates at the ends of a rest in which the gyroscope went to zero, if that is no single motion that ended slowly:
-/// an estimator that runs beside it takes its bias away while it rests.
+/// Mean rates at the ends of a rest in which the gyroscope went to zero, if this is not a single motion that ended
+/// slowly: an estimator in the driver removes the bias at rest.
 fn relaxing_rates(entries: &[JudgedRest], noise: f64) -> Option<(f64, f64)> {
     const LONG: f64 = 10.0;
     let relaxed = entries.iter().filter(|entry| entry.verdict.is_at_rest());
@@ -142,7 +143,7 @@ fn relaxing_rates(entries: &[JudgedRest], noise: f64) -> Option<(f64, f64)> {
     (relaxed.len() > 1 || seconds > LONG).then_some(*ends)
 }
 
-/// Readings that are published twice.
+/// Text on readings that are published twice.
 fn repeated_text(share: f64) -> String {
     format!(
         "{:.0} % of the readings repeat the one before exactly: is the topic published twice, or the driver polled faster \
@@ -151,7 +152,7 @@ fn repeated_text(share: f64) -> String {
     )
 }
 
-/// A rate that no gyroscope measures.
+/// Text on a rate that no gyroscope measures.
 fn too_fast_text(peak: f64) -> String {
     format!(
         "peaks at {peak:.0} rad/s, faster than any gyroscope measures: these are spikes, or it is in another unit than rad/s. \
@@ -159,12 +160,12 @@ fn too_fast_text(peak: f64) -> String {
     )
 }
 
-/// An axis of the gyroscope that never changes.
+/// Text on an axis of the gyroscope that never changes.
 fn dead_gyroscope_text(axis: &str) -> String {
     format!("the {axis} axis never changes while the others do: is it dead, or not mapped?")
 }
 
-/// A bias that is taken away while the sensor rests.
+/// Text on a bias that is removed at rest.
 fn relaxing_text(from: f64, to: f64) -> String {
     format!(
         "its mean relaxes towards zero at rest, from {from:.4} to {to:.4} rad/s: an estimator in the driver removes the \
@@ -172,7 +173,7 @@ fn relaxing_text(from: f64, to: f64) -> String {
     )
 }
 
-/// The gyroscope does not explain how gravity turned.
+/// Text on a gyroscope that does not explain how gravity turned.
 fn disagreeing_text(degrees: f64) -> String {
     format!(
         "integrating the rates from rest to rest misses gravity by {degrees:.0}° and no unit or order of axes explains it: check \
@@ -181,7 +182,7 @@ fn disagreeing_text(degrees: f64) -> String {
     )
 }
 
-/// A reading that the sensor cannot give.
+/// Text on a reading beyond the range of the sensor.
 fn beyond_range_text(peak: f64, range: f64) -> String {
     format!(
         "reads {peak:.0} m/s², beyond the {range:.0} m/s² that its preset can measure: is the preset the right one, and the \
@@ -189,7 +190,7 @@ fn beyond_range_text(peak: f64, range: f64) -> String {
     )
 }
 
-/// The accelerometer spans far more than gravity.
+/// Text on an accelerometer that spans far more than gravity.
 fn stretched_text(times: f64) -> String {
     format!(
         "an axis spans {times:.2} times gravity from face to face: is the full-scale range that its driver assumes the one \
@@ -197,7 +198,7 @@ fn stretched_text(times: f64) -> String {
     )
 }
 
-/// The first rest reads −g on z.
+/// Text on a first rest of −g on z.
 fn inverted_text() -> String {
     "the first rest reads −g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
      rests cannot tell. The calibration holds for the readings as they are"

@@ -17,7 +17,7 @@ use crate::messages::triad::Status;
 use crate::messages::{self, Face, Segment, Triad, Vector3};
 use crate::still::{self, Segmenter, State};
 
-/// The operator's next step.
+/// Next step of the operator.
 pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirmed: Result<(), Unconfirmed>) -> String {
     let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
     let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
@@ -48,7 +48,7 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirm
     }
 }
 
-/// What would confirm a provisional calibration.
+/// Text on what would confirm a provisional calibration.
 fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String {
     let others = solution.unchecked.len().saturating_sub(1);
     let more = if others > 0 { format!(" (and {others} more after it)") } else { String::new() };
@@ -77,14 +77,14 @@ fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String 
     }
 }
 
-/// That rests were left out of a gyroscope's bias as turns.
+/// Note that rests were left out of a gyroscope's bias as turns.
 pub(super) fn some_turned(count: usize) -> String {
     format!(
         "{count} rests turned at a constant rate and are left out: let it rest where nothing turns to confirm its bias"
     )
 }
 
-/// A rest that did not enter the fit.
+/// Log line on a rest that did not enter the fit.
 pub(super) fn rejection(segment: &Segment) -> String {
     let time = |stamp: Option<&prost_types::Timestamp>| {
         stamp.map_or(0.0, |stamp| stamp.seconds as f64 + f64::from(stamp.nanos) * 1e-9)
@@ -98,14 +98,14 @@ pub(super) fn rejection(segment: &Segment) -> String {
     )
 }
 
-/// A calibration that was published.
+/// Log line on a published calibration.
 pub(super) fn published(calibration: &messages::Calibration) -> String {
     let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
     let parts: Vec<_> = triads.filter(|triad| triad.status() != Status::Undetermined).map(triad).collect();
     format!("calibration {} from {} rests: {}", calibration.revision, calibration.segments, parts.join("; "))
 }
 
-/// That nothing was believed to be a rest, and why; `None` if something was.
+/// Text on why nothing was accepted as a rest; `None` if something was.
 pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Config) -> Option<String> {
     let status = segmenter.status();
     if found > 0 {
@@ -131,13 +131,13 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     ))
 }
 
-/// That the readings are in another unit, which is why nothing seemed still.
+/// Text on readings in another unit, because of which nothing seemed still.
 pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
     let fault = solution.faults.iter().find(|fault| fault.kind == FaultKind::Unit)?;
     Some(format!("{}: {}", sensor(config, fault.sensor), fault.text))
 }
 
-/// What a triad is called.
+/// Name of a triad.
 pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
     match sensor {
         Sensor::Accelerometer => "accelerometer",
@@ -147,7 +147,8 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
     }
 }
 
-/// What keeps the accelerometer from being calibrated however many faces are shown; `None` if nothing is known to.
+/// Text on what prevents a calibration of the accelerometer, however many faces are shown; `None` if nothing known
+/// does.
 pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fixture) -> Option<String> {
     let forbidden = solution.faults.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
     if let Some(fault) = forbidden {
@@ -161,13 +162,13 @@ pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fi
     if entries.iter().any(|entry| entry.verdict.is_accepted()) {
         return None;
     }
-    // No rest is any good: the fault of the longest, as a rule that of all.
+    // No rest can be used: the fault of the longest is mostly that of all.
     let worst = entries.iter().max_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
     let count = entries.len();
     Some(format!("none of {count} rests can be used: {}", worst.verdict.explanation))
 }
 
-/// That faces were shown whose readings are worth nothing, however often they are shown again.
+/// Text on faces whose readings are unusable, however often they are shown again.
 fn out_of_range(entries: &[JudgedRest], solution: &Solution) -> Option<String> {
     let wrong = entries.iter().filter(|entry| matches!(entry.verdict.reason, Reason::Saturated | Reason::SensorFault));
     let count = wrong.clone().count();
@@ -179,9 +180,9 @@ fn out_of_range(entries: &[JudgedRest], solution: &Solution) -> Option<String> {
     Some(format!("{count} of {} rests cannot be used: {}{missing}", entries.len(), worst.verdict.explanation))
 }
 
-/// That the tilted rests lie askew in the same way: the sensor is not mounted along the axes of its box.
+/// Text on tilted rests that are all askew in the same way: the sensor is not mounted along the axes of its box.
 fn mounted(entries: &[JudgedRest], fixture: &Fixture, solution: &Solution) -> Option<String> {
-    /// Rests, and how far they may be off the mounting that they agree on, in radians.
+    /// Fewest rests, and largest deviation from the mounting that they agree on, rad.
     const LEAST: usize = 4;
     const NEAR: f64 = 0.1;
     let tilted = entries.iter().filter(|entry| entry.verdict.reason == Reason::Tilted);
@@ -194,7 +195,7 @@ fn mounted(entries: &[JudgedRest], fixture: &Fixture, solution: &Solution) -> Op
     if tilted.len() < LEAST {
         return None;
     }
-    // The rotation that brings the directions seen nearest to the faces (Kabsch 1976).
+    // Rotation that best maps the directions seen onto the faces (Kabsch 1976).
     let product: Matrix3<f64> = tilted.iter().map(|(normal, up)| normal * up.transpose()).sum();
     let svd = product.svd(true, true);
     let (u, v) = (svd.u?, svd.v_t?);
@@ -215,7 +216,7 @@ fn mounted(entries: &[JudgedRest], fixture: &Fixture, solution: &Solution) -> Op
     ))
 }
 
-/// The driver changed a calibration of its own.
+/// Log line on a change of the driver's own calibration.
 pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
     let name = self::sensor(config, sensor);
     let advice = match sensor {
@@ -227,7 +228,7 @@ pub(super) fn new_round(config: &Config, sensor: Sensor) -> String {
     format!("the driver changed its own calibration of the {name}: what it read before no longer counts; {advice}")
 }
 
-/// Why a gyroscope has no bias yet, given how many placements it was read in, and how it relaxed in one, if it did.
+/// Note on why a gyroscope has no bias yet, from the number of its placements and its relaxation in one, if any.
 pub(super) fn no_rates(placements: usize, relaxed: Option<(f64, f64)>) -> String {
     match (placements, relaxed) {
         (0, Some((from, to))) => format!(
@@ -239,7 +240,7 @@ pub(super) fn no_rates(placements: usize, relaxed: Option<(f64, f64)>) -> String
     }
 }
 
-/// What is left to say at the end.
+/// Log lines at the end of a recording.
 pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config) -> Vec<(Level, String)> {
     let mut said = Vec::new();
     said.extend(never_still(segmenter, found, config).map(|text| (Level::Warning, text)));
@@ -261,13 +262,13 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
     said
 }
 
-/// Why richer models than that of the accelerometer are none.
+/// Notes on why richer models than the accelerometer's were refused.
 pub(super) fn refused(solution: &Solution) -> Vec<String> {
     let line = |(shape, why): &(Parameterisation, Refusal)| format!("{} is not determined: {why}", shape.name());
     solution.refused.iter().map(line).collect()
 }
 
-/// What the bars of an accelerometer rest on, and what speaks against them.
+/// Notes on what the bars of an accelerometer depend on, and what contradicts them.
 pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -> Vec<String> {
     let mut caveats = solution.doubts.clone();
     caveats.extend(solution.drift.as_ref().map(Drift::explanation));
@@ -296,9 +297,9 @@ pub(super) fn caveats(solution: &Solution, fit: &Estimate, placement_std: f64) -
     caveats
 }
 
-/// That the fit is the identity within its bars.
+/// Note that the fit is the identity within its bars, if it is.
 pub(super) fn residual(fit: &Estimate) -> Option<String> {
-    /// So many standard deviations hold all parameters of a corrected sensor nine times in ten.
+    /// Standard deviations that hold all parameters of a corrected sensor nine times in ten.
     const WITHIN: f64 = 2.4;
     let identity = fit.shape.vector(&Calibration::default());
     let off = &fit.parameters - identity;
@@ -310,12 +311,12 @@ pub(super) fn residual(fit: &Estimate) -> Option<String> {
     })
 }
 
-/// Noise does not average the rounding out.
+/// Note that noise does not average out the rounding.
 pub(super) fn coarse(step: f64) -> String {
     format!("the noise is below half a step of {step:.4} m/s²: rounding may bias every mean, which is in the bars")
 }
 
-/// What is taken for gravity, and how that bears on the scale.
+/// Note on the gravity assumed, and its effect on the scale.
 pub(super) fn assumed_gravity(gravity: Gravity) -> String {
     let how = match gravity.source {
         Source::Configured => {

@@ -1,5 +1,5 @@
-//! One model of the primary accelerometer tried: which rests are good depends on the calibration, and the calibration on
-//! the rests. Which models are tried is left to `solve`.
+//! Trial of one model of the primary accelerometer: which rests are good depends on the calibration, and the
+//! calibration on the rests.
 
 use nalgebra::Vector3;
 
@@ -15,17 +15,17 @@ use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{Bounds, Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
 use crate::messages::segment::Reason;
 
-/// What to try.
+/// Model to try.
 pub(super) struct Trial<'a> {
     pub(super) shape: Parameterisation,
     pub(super) givens: &'a Givens<'a>,
 }
 
-/// One model of the primary accelerometer tried.
+/// Result of a trial of one model of the primary accelerometer.
 pub(super) struct ModelTrial {
     pub(super) fit: Result<Estimate, Refusal>,
     pub(super) seen: Vec<Placed>,
-    /// Directions of true specific force, as far as is givens.
+    /// Directions of true specific force, as far as they are known.
     pub(super) ups: Vec<Vector3<f64>>,
     pub(super) poses: Poses,
     pub(super) doubts: Vec<Doubt>,
@@ -39,7 +39,7 @@ impl ModelTrial {
     }
 }
 
-/// A model tried on a reference; the rests are only told their faces.
+/// Tries a model on a reference; the rests are only assigned their faces.
 pub(super) fn on_reference(
     entries: &mut [JudgedRest],
     judge: &Judge<'_>,
@@ -55,8 +55,8 @@ pub(super) fn on_reference(
     ModelTrial { fit, seen, ..ModelTrial::new(poses) }
 }
 
-/// The faces depend on the calibration and the calibration on the faces, so this goes round until neither changes; a few
-/// rounds suffice.
+/// Tries a model on rests. The faces depend on the calibration and the calibration on the faces, so this iterates until
+/// neither changes; a few rounds suffice.
 pub(super) fn on_rests(
     entries: &mut [JudgedRest],
     judge: &Judge<'_>,
@@ -106,7 +106,7 @@ pub(super) fn on_rests(
         if let (Some(drift), Ok(fit)) = (&attempt.drift, &mut attempt.fit) {
             fit.widen(&drift.moved);
         }
-        // What contradicts itself may do so for this reason.
+        // The drift may be the cause of the contradiction.
         if let Some(drift) = &attempt.drift {
             attempt.fit =
                 attempt.fit.map_err(|why| Refusal::Drifting { why: Box::new(why), drift: Box::new(drift.clone()) });
@@ -115,7 +115,7 @@ pub(super) fn on_rests(
     attempt
 }
 
-/// The rests of placements that contradict the others.
+/// Rejects the rests of placements that contradict the others.
 fn leave_out(entries: &mut [JudgedRest], left_out: &[LeftOut]) {
     for LeftOut { placed, explanation } in left_out {
         let is_it = |entry: &&mut JudgedRest| {
@@ -156,7 +156,7 @@ fn fit_accelerometer(
         (Parameterisation::MATRIX, _) => {
             known_poses::fit(&observed(seen), &given, config.fixture.accuracy_deg.to_radians()).map(alone)
         }
-        // Under Huber's loss what contradicts is kept, and counts little.
+        // Under Huber's loss contradicting placements stay, with little weight.
         (_, Loss::Huber) => accelerometer::fit(&observed(seen), &given).map(alone),
         (_, Loss::Square) => outliers::fit_without(seen, &given, judge.fixture),
     };
@@ -181,7 +181,7 @@ fn fit_accelerometer(
     Ok(sound)
 }
 
-/// What is assumed beside the placements.
+/// Assumptions of a fit beside the placements.
 pub(super) fn assumptions<'a>(judge: &Judge<'a>, trial: &Trial<'_>, start: Calibration) -> Assumptions<'a> {
     let config = judge.fit;
     Assumptions {
@@ -201,7 +201,7 @@ fn observed(seen: &[Placed]) -> Vec<Observation> {
     seen.iter().map(|placed| placed.observation).collect()
 }
 
-/// The parameters that explain the placements well, were it not for the bounds.
+/// Refusal for parameters that explain the placements well, but lie beyond the bounds.
 fn beyond_bounds(observations: &[Observation], given: &Assumptions<'_>) -> Option<Refusal> {
     if given.shape == Parameterisation::MATRIX {
         return None;
@@ -219,5 +219,5 @@ fn beyond_bounds(observations: &[Observation], given: &Assumptions<'_>) -> Optio
     (!beyond.is_empty()).then_some(Refusal::BeyondBounds(beyond))
 }
 
-/// A model that was published stays until its worst-case error exceeds the limit by this factor.
+/// Factor by which its error must exceed the limit before a published model is dropped.
 const HYSTERESIS: f64 = 1.5;

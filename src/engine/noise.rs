@@ -1,4 +1,4 @@
-//! The noise of an IMU's triads at rest, as messages: Allan sums, and the densities that they tell.
+//! Noise of an IMU's triads at rest, as messages: Allan sums and the noise densities from them.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ use crate::imu::Sensor;
 use crate::messages::{self, AxisNoise};
 use crate::still::{AllanSums, Octave, Octaves, Stretch};
 
-/// Allan sums of every triad.
+/// Allan sums of all triads.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Noise {
     triads: BTreeMap<Sensor, AllanSums>,
 }
 
 impl Noise {
-    /// Sums that are known already.
+    /// Starts from existing sums.
     pub(super) fn of(triads: BTreeMap<Sensor, AllanSums>) -> Self {
         Self { triads }
     }
@@ -29,7 +29,7 @@ impl Noise {
         }
     }
 
-    /// The sums as they travel; nothing where there are none.
+    /// Message of the sums; `None` if there are none.
     pub(super) fn message(&self, header: messages::Header, config: &Config) -> Option<messages::Noise> {
         let name = |sensor: &Sensor| match sensor {
             Sensor::Accelerometer => Some("accelerometer".to_owned()),
@@ -42,7 +42,7 @@ impl Noise {
         (!triads.is_empty()).then_some(messages::Noise { header: Some(header), triads })
     }
 
-    /// Puts the densities into the triads of a calibration.
+    /// Adds the noise densities to the triads of a calibration.
     pub(super) fn describe(&self, calibration: &mut messages::Calibration) {
         let messages::Calibration { accelerometer, gyroscope, secondary, .. } = calibration;
         let primary = [(Sensor::Accelerometer, accelerometer.as_mut()), (Sensor::Gyroscope, gyroscope.as_mut())];
@@ -55,7 +55,7 @@ impl Noise {
     }
 }
 
-/// Noise of the axes by their Allan sums; empty where the rests were too short to show any.
+/// Noise of the axes from their Allan sums; empty if the rests were too short to show any.
 pub fn axis_noise(sums: &AllanSums) -> Vec<AxisNoise> {
     let densities = noise_densities(sums);
     let axes = densities.iter().flatten().map(|axis| AxisNoise {
@@ -87,7 +87,7 @@ fn to_message(sensor: String, sums: &AllanSums) -> messages::AllanSums {
     }
 }
 
-/// The sums that a message holds, as far as its lists belong together.
+/// Allan sums of a message, as far as its lists are consistent.
 pub fn allan_sums(message: &messages::AllanSums) -> AllanSums {
     let octaves = |octaves: &messages::Octaves| {
         let lists = octaves.squares.chunks_exact(3).zip(&octaves.counts).zip(&octaves.white).zip(&octaves.wandering);

@@ -1,5 +1,4 @@
-//! Judged rests as observations to fit: those of one placement pooled, since they share what a placement adds. Fitting
-//! them is left to `solve`.
+//! Observations for fits from judged rests: those of one placement are pooled, since they share its placement error.
 
 use std::collections::BTreeMap;
 
@@ -14,21 +13,21 @@ use crate::fit::{self, Calibration, Reading, Truth};
 use crate::imu::Sensor;
 use crate::still::{Segmenter, TriadMean};
 
-/// What the primary accelerometer read on one placement.
+/// Observation of the primary accelerometer on one placement.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
-    /// The face that it is nearest to.
+    /// Face nearest to the reading.
     pub(super) face: usize,
-    /// When it began.
+    /// Start of the placement.
     pub(super) start: Stamp,
     pub(super) observation: Observation,
 }
 
-/// How old rests count less: what they say varies by twice as much for each half-life.
+/// Ageing of rests: the variance of a rest doubles with each half-life.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ageing {
     latest: Stamp,
-    /// Seconds; without it nothing ages.
+    /// Half-life, s; without it nothing ages.
     half_life: Option<f64>,
 }
 
@@ -38,7 +37,7 @@ impl Ageing {
         Self { latest, half_life }
     }
 
-    /// Variance by noise of the mean of a placement that ended then, where placements scatter by `std`.
+    /// Noise variance of the mean of a placement that ended at `end`, where placements scatter by `std`.
     fn of(&self, noise: Vector3<f64>, end: Stamp, std: f64) -> Vector3<f64> {
         let Some(half_life) = self.half_life else { return noise };
         let factor = libm::exp2(self.latest.seconds_since(end) / half_life);
@@ -46,13 +45,13 @@ impl Ageing {
     }
 }
 
-/// The accepted rests, those of one placement as one observation. `step` is the accelerometer's quantisation step.
+/// Accepted rests, those of one placement as one observation. `step` is the accelerometer's quantisation step, m/s².
 pub(super) fn placements(entries: &[JudgedRest], judge: &Judge<'_>, poses: Poses, step: Option<f64>) -> Vec<Placed> {
     let ageing = Ageing::new(entries, judge.fit.half_life_s);
     let mut groups: BTreeMap<_, (usize, (Stamp, Stamp), Vec<&TriadMean>)> = BTreeMap::new();
     for entry in entries.iter().filter(|entry| entry.verdict.is_accepted()) {
         let Some(face) = entry.verdict.face() else { continue };
-        // Of a placement that hesitates between two faces, each face has its part.
+        // A placement that lies between two faces gives one observation on each.
         let part = if poses == Poses::OnFaces { face } else { 0 };
         let group = groups.entry((entry.rest.placement, part));
         let (_, span, means) = group.or_insert((face, (entry.rest.start, entry.rest.end), Vec::new()));
@@ -64,17 +63,17 @@ pub(super) fn placements(entries: &[JudgedRest], judge: &Judge<'_>, poses: Poses
         .filter_map(|((placement, _), (face, (start, end), means))| {
             let normal = judge.fixture.faces().get(face)?.normal;
             let (mean, noise) = pooled(&alike(&means));
-            // However long a rest, what rounding does to its mean stays.
+            // The rounding error of the mean of a rest stays, however long the rest.
             let noise = ageing.of(noise + rounding(means.first()?, step), end, judge.fit.placement_std);
             Some(Placed { face, start, observation: Observation { placement, mean, noise, normal } })
         })
         .collect()
 }
 
-/// What two triads read on one placement, and when that ended.
+/// Means of two triads on one placement, and its end.
 type Both<'a> = (Vec<&'a TriadMean>, Vec<&'a TriadMean>, Stamp);
 
-/// What the primary and a secondary accelerometer read on each placement, tilted ones included.
+/// Pairs of means of the primary and a secondary accelerometer on each placement, tilted ones included.
 pub(super) fn pairs(entries: &[JudgedRest], config: &fit::Config, secondary: usize) -> Vec<Pair> {
     let ageing = Ageing::new(entries, config.half_life_s);
     let mut groups: BTreeMap<u32, Both> = BTreeMap::new();
@@ -95,15 +94,15 @@ pub(super) fn pairs(entries: &[JudgedRest], config: &fit::Config, secondary: usi
     groups.into_iter().map(pair).collect()
 }
 
-/// Whether a rest tells what the gyroscope reads at rest.
+/// Whether a rest shows the gyroscope's readings at rest.
 pub(super) fn tells_of_rates(entry: &JudgedRest, noise: f64) -> bool {
     entry.verdict.is_at_rest() && entry.rest.gyroscope.is_some() && relaxed(entry, noise).is_none()
 }
 
-/// The mean rates at the ends of a rest in which the gyroscope went to zero, rad/s: a motion ended slowly, or an estimator
-/// beside it takes its bias away. What it read in between is neither.
+/// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s: a motion ended slowly, or an estimator
+/// in the driver removes its bias. The readings in between are neither.
 pub(super) fn relaxed(entry: &JudgedRest, noise: f64) -> Option<(f64, f64)> {
-    /// Rates below this are no bias worth an estimator, rad/s.
+    /// Least rate that is a bias worth an estimator, rad/s.
     const LEAST: f64 = 1e-3;
     /// Fewest samples in a window.
     const WINDOW: f64 = 20.0;
@@ -112,13 +111,13 @@ pub(super) fn relaxed(entry: &JudgedRest, noise: f64) -> Option<(f64, f64)> {
     (first - last > least && last < 0.35 * first).then_some((first, last))
 }
 
-/// Of one sample of an axis, rad/s; zero before it is known.
+/// Noise of one sample of an axis, rad/s; zero before it is known.
 pub(super) fn gyroscope_noise(segmenter: &Segmenter) -> f64 {
     segmenter.signal(Sensor::Gyroscope).and_then(|signal| signal.noise).unwrap_or(0.0)
 }
 
-/// What the gyroscope, whose axes have so much noise, read during each placement that tells of it, beside the specific
-/// force as far as it is known.
+/// Readings of the gyroscope during each placement that shows them, beside the specific force as far as it is known.
+/// `noise` is that of its axes.
 pub(super) fn rates(
     entries: &[JudgedRest],
     noise: f64,
@@ -144,30 +143,30 @@ pub(super) fn rates(
     groups.into_values().map(reading).collect()
 }
 
-/// Whether rounding to a step biases the mean of an accepted rest.
+/// Whether rounding to a quantisation step biases the mean of an accepted rest.
 pub(super) fn is_coarse(entries: &[JudgedRest], step: f64) -> bool {
     let used = entries.iter().filter(|entry| entry.verdict.is_accepted());
     used.map(|entry| rounding(&entry.rest.accelerometer, Some(step))).any(|variance| variance.max() > 0.0)
 }
 
-/// Variance that rounding to a step leaves in a mean, per axis: that of a uniform error where the noise is too small to
-/// average it out (below half a step), else none.
+/// Variance of a mean from rounding to a step, per axis: that of a uniform error if the noise is too small to average
+/// it out (below half a step), else none.
 fn rounding(mean: &TriadMean, step: Option<f64>) -> Vector3<f64> {
     let step = step.unwrap_or(0.0);
     mean.std().map(|std| if std < step / 2.0 { step * step / 12.0 } else { 0.0 })
 }
 
-/// Of the rests of a placement those that read like the longest: a knock may have tilted it, and the mean of directions that
-/// differ is shorter than either.
+/// Selects the rests of a placement that read like the longest: a knock may have tilted it, and the mean of different
+/// directions is shorter than either.
 fn alike<'a>(means: &[&'a TriadMean]) -> Vec<&'a TriadMean> {
-    /// m/s²: shorter by a ten thousandth of g at most.
+    /// Largest difference, m/s²: it shortens the mean by a ten thousandth of g at most.
     const APART: f64 = 0.25;
     let longest = means.iter().max_by(|a, b| a.effective.total_cmp(&b.effective));
     let near = |mean: &&TriadMean| longest.is_some_and(|longest| (mean.mean - longest.mean).norm() <= APART);
     means.iter().copied().filter(|mean| near(mean)).collect()
 }
 
-/// Mean of several means of one placement, by their effective samples, and its noise variance.
+/// Mean of several means of one placement, weighted by their effective samples, and its noise variance.
 fn pooled(means: &[&TriadMean]) -> (Vector3<f64>, Vector3<f64>) {
     let total: f64 = means.iter().map(|mean| mean.effective).sum();
     let share = |mean: &TriadMean| mean.effective / total.max(f64::MIN_POSITIVE);

@@ -1,5 +1,4 @@
-//! Fits the primary accelerometer without the placements that contradict the others. Which do is said by
-//! [`contradiction`]; how rests are judged otherwise is left to `rest_judge`.
+//! Fit of the primary accelerometer without the placements that contradict the others, as found by [`contradiction`].
 
 use nalgebra::DVector;
 
@@ -8,33 +7,33 @@ use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::outlier_test::contradiction;
 use crate::fit::{Error, Estimate, Fixture, accelerometer};
 
-/// A fit, and what had to be left out for it.
+/// Fit with the placements left out of it.
 pub(super) struct Sound {
     pub(super) fit: Estimate,
     pub(super) left_out: Vec<LeftOut>,
     pub(super) doubts: Vec<Doubt>,
 }
 
-/// Another placement than the one left out may be the wrong one.
+/// Doubt about a placement that was left out: another may be the wrong one.
 pub(super) struct Doubt {
-    /// In words.
+    /// Text for people.
     pub(super) text: String,
-    /// What that would add to the parameters.
+    /// Change of the parameters in that case.
     pub(super) moved: DVector<f64>,
 }
 
-/// A placement that contradicts the others.
+/// Placement that contradicts the others.
 pub(super) struct LeftOut {
     pub(super) placed: Placed,
     pub(super) explanation: String,
 }
 
-/// At most one placement in so many is left out: where more contradict each other, the session is bad.
+/// At most one placement in this many is left out: if more contradict each other, the session is bad.
 const ONE_IN: usize = 6;
-/// Below this weighted sum of squares no single placement can stand out.
+/// Weighted sum of squares below which no single placement can be an outlier.
 const NOTHING_STANDS_OUT: f64 = 15.0;
 
-/// Fits what is seen, and takes out of it what does not fit the rest.
+/// Fits the placements in `seen`, and removes from it those that contradict the others.
 ///
 /// # Errors
 /// If the placements do not determine the parameters, or the solver fails.
@@ -45,7 +44,7 @@ pub(super) fn fit_without(seen: &mut Vec<Placed>, given: &Assumptions<'_>, fixtu
         let observations: Vec<Observation> = seen.iter().map(|placed| placed.observation).collect();
         let fit = accelerometer::fit(&observations, given)?;
         let squares = fit.chi2_per_dof.unwrap_or(0.0) * fit.freedom;
-        // The last placement on a face cannot be spared.
+        // The last placement on a face must stay.
         let is_spare = |i: usize| {
             let face = seen.get(i).map(|placed| placed.face);
             seen.iter().filter(|placed| Some(placed.face) == face).count() > 1
@@ -53,7 +52,7 @@ pub(super) fn fit_without(seen: &mut Vec<Placed>, given: &Assumptions<'_>, fixtu
         let found = (left_out.len() < most && squares > NOTHING_STANDS_OUT)
             .then(|| contradiction(&observations, given, &fit, is_spare))
             .flatten();
-        // Where nothing would be left to check the choice, it must be beyond doubt.
+        // If nothing is left to check the choice, it must be beyond doubt.
         let checked = observations.len() > given.shape.unknowns() + 1;
         let Some(found) = found.filter(|found| found.rival.is_none() || checked) else {
             return Ok(Sound { fit, left_out, doubts });

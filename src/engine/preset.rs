@@ -1,16 +1,16 @@
-//! What a sensor's datasheet changes in an engine's configuration: what stands at its default. What somebody has set
-//! otherwise stays.
+//! Values of a sensor's datasheet in an engine's configuration: they replace defaults, and nothing that was set
+//! otherwise.
 
 use super::config::Config;
 use crate::fit::{self, Bound, Bounds};
 use crate::imu::{Preset, Promise};
 use crate::still;
 
-/// A bench is noisier than a datasheet: a floor is believed up to so many times the promised noise.
+/// Factor from the noise of a datasheet to the ceiling of the floor: a bench is noisier.
 const BENCH: f64 = 2.0;
 
 impl Config {
-    /// The same for a primary accelerometer and gyroscope of a known kind.
+    /// Adapts the configuration to a known type of primary accelerometer and gyroscope.
     pub fn of(mut self, preset: Preset) -> Self {
         let sheet = preset.datasheet();
         let (still, bounds) = (still::Config::default(), Bounds::default());
@@ -32,7 +32,7 @@ impl Config {
     }
 }
 
-/// The bounds for a secondary accelerometer of a known kind.
+/// Bounds for a secondary accelerometer of a known type.
 pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
     let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
     let default = Bounds::default();
@@ -45,7 +45,7 @@ fn either_way(limit: f64) -> Bound {
     [-limit, limit].into()
 }
 
-/// What is promised replaces a default.
+/// Replaces a default by a promised value.
 fn set<T: PartialEq>(value: &mut T, default: T, promised: Option<T>) {
     if let Some(promised) = promised.filter(|_| *value == default) {
         *value = promised;
@@ -65,7 +65,7 @@ mod tests {
         let most = config.fit.bounds.accel_bias.of(0)[1];
         assert!((most - 1.74).abs() < 0.01, "{most}");
         assert!(config.still.gyro_ceiling < still::Config::default().gyro_ceiling);
-        // 1.5 mg a kelvin.
+        // Datasheet value of 1.5 mg per kelvin.
         assert_eq!(config.fit.cross_axis_std, 0.02);
         assert!((config.fit.nonlinearity - 0.0087).abs() < 1e-4, "{}", config.fit.nonlinearity);
         assert!((config.fit.placement_std - 0.0147).abs() < 1e-4, "{}", config.fit.placement_std);

@@ -1,4 +1,5 @@
-//! What an engine knows, as messages. Which of it is news is left to [`ChangeGate`](super::change_gate::ChangeGate).
+//! Messages on the results of an engine. [`ChangeGate`](super::change_gate::ChangeGate) selects those that are
+//! published.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -72,7 +73,7 @@ pub(super) fn coverage(
             }
         })
         .collect();
-    // A model that needs no faces makes up for those that are missing.
+    // A model that needs no faces makes up for missing ones.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let confirmed = status::accelerometer(solution);
     let next_step = obstacle.unwrap_or_else(|| guidance::next_step(&faces, book.found(), solution, confirmed));
@@ -138,7 +139,7 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
         Some(Err(why)) => return Triad { notes: vec![why.to_string()], ..named },
         None => return named,
     };
-    // It follows the primary, and so does what a wrong placement could hide there.
+    // The secondary follows the primary, and so does the error that a wrong placement could hide there.
     let gravity = solution.gravity.value;
     let hidden = solution.accelerometer.as_ref().map_or(0.0, |primary| primary.hidden_error(gravity));
     Triad {
@@ -178,7 +179,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
                 status: status.into(),
                 notes,
                 model: Model::Turns.into(),
-                // Its cross terms are those of specific force.
+                // Its cross terms are the g-sensitivity.
                 g_sensitivity: triad.rate_sensitivity,
                 rate_sensitivity: Vec::new(),
                 turns: turns.used as u32,
@@ -189,7 +190,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     }
 }
 
-/// What is suspicious about a triad.
+/// Faults of a triad, as notes.
 fn remarks(solution: &Solution, sensor: Sensor) -> Vec<String> {
     let of_it = solution.faults.iter().filter(|fault| fault.sensor == sensor);
     of_it.map(|fault| fault.text.clone()).collect()
@@ -199,7 +200,7 @@ fn named(sensor: &str, topic: &str) -> Triad {
     Triad { sensor: sensor.to_owned(), topic: topic.to_owned(), ..Triad::default() }
 }
 
-/// What any triad's estimate says.
+/// Message on the estimate of any triad.
 fn estimated(named: Triad, fit: &Estimate) -> Triad {
     let Estimate { shape, parameters, .. } = fit;
     let calibration = fit.calibration();
@@ -247,18 +248,18 @@ fn estimated(named: Triad, fit: &Estimate) -> Triad {
     }
 }
 
-/// How sensitive each axis is along the direction that it has, and how that leans towards the other axes, in radians.
+/// Sensitivity of each axis along its own direction, and the angles by which that leans towards the other axes, rad.
 struct Geometry {
     norms: Vector3<f64>,
     norms_std: Vector3<f64>,
-    /// x towards y and z, y towards x and z, z towards x and y.
+    /// Leans of x towards y and z, y towards x and z, z towards x and y.
     leans: Vec<f64>,
     leans_std: Vec<f64>,
 }
 
 impl Geometry {
     fn of(sensitivity: &Matrix3<f64>, fit: &Estimate) -> Self {
-        // Of a function of one row, by its gradient.
+        // Standard deviation of a function of one row, from its gradient.
         let std = |row: usize, gradient: Vector3<f64>| {
             let terms = fit.shape.terms();
             let slopes = terms.iter().map(|term| match *term {
@@ -291,7 +292,7 @@ impl Geometry {
     }
 }
 
-/// What the messages call a shape.
+/// Name of a shape in the messages.
 fn model(shape: Parameterisation) -> Model {
     match shape {
         Parameterisation::BIAS => Model::Bias,

@@ -1,5 +1,4 @@
-//! A reference that knows what there was to read, and what that says of an IMU's triads. Aligning and summing up is left to
-//! [`fit`](crate::fit).
+//! Reference of true specific force and angular rate, and the estimates of an IMU's triads beside it.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +6,7 @@ use super::refusal::Refusal;
 use crate::fit::{self, Estimate, NormalEquations, Parameterisation, TimeInterpolation, Truth, limits};
 use crate::imu::{Quantity, Sample, Sensor};
 
-/// The triads beside a reference.
+/// Triads beside a reference.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Reference {
     alignment: TimeInterpolation,
@@ -15,13 +14,13 @@ pub(super) struct Reference {
     gyroscope: NormalEquations,
 }
 
-/// What noise and interpolation may leave over where the noise floor is unknown, in m/s² and rad/s.
+/// Largest residual rms from noise and interpolation if the noise floor is unknown, m/s² and rad/s.
 const ALLOWANCE: [f64; 2] = [0.05, 0.01];
-/// Of an axis' noise at rest, what may be left over in motion.
+/// Largest residual rms in motion, in units of an axis' noise at rest.
 const OF_FLOOR: f64 = 3.0;
 
 impl Reference {
-    /// Steps of the reference longer than `gap_s` are not bridged.
+    /// Creates a reference whose samples are not interpolated across steps longer than `gap_s`, s.
     pub(super) fn new(gap_s: f64) -> Self {
         Self {
             alignment: TimeInterpolation::new(gap_s),
@@ -45,7 +44,7 @@ impl Reference {
         });
     }
 
-    /// What a triad read so far, or what it was held against, no longer counts.
+    /// Drops the readings of a triad so far, or the reference for them.
     pub(super) fn forget(&mut self, sensor: Sensor) {
         if matches!(sensor, Sensor::Accelerometer | Sensor::Reference(_)) {
             self.accelerometer = NormalEquations::default();
@@ -55,7 +54,7 @@ impl Reference {
         }
     }
 
-    /// The accelerometer, whose axes have a noise of `floor` at rest as far as that is known (m/s²); or why not.
+    /// Estimate of the accelerometer, or the reason why not. `floor` is the noise of its axes at rest, if known, m/s².
     pub(super) fn accelerometer(
         &self,
         shape: Parameterisation,
@@ -67,7 +66,7 @@ impl Reference {
         explained(&self.accelerometer, self.accelerometer.solve(shape, &limits, most), "m/s²")
     }
 
-    /// The gyroscope, whose axes have a noise of `floor` at rest as far as that is known (rad/s); or why not.
+    /// Estimate of the gyroscope, or the reason why not. `floor` is the noise of its axes at rest, if known, rad/s.
     pub(super) fn gyroscope(
         &self,
         shape: Parameterisation,

@@ -1,5 +1,5 @@
-//! The fit of an engine over rests that were found before, by whomever: what merging recordings is made of. What the
-//! samples alone tell, such as the converter's step and the noise floor, is not known here.
+//! Refit of an engine over rests that were found before, in any recording: the basis of merging. What only samples
+//! show, such as the converter's step and the noise floor, is not known here.
 
 use std::collections::BTreeMap;
 
@@ -12,44 +12,44 @@ use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
 use crate::still::{ReadingRange, Rest, TriadMean};
 use crate::{Stamp, messages};
 
-/// What rests of several recordings come to.
+/// Result of a refit over rests of several recordings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Refitted {
-    /// The rests in the order in which they were given, with the verdicts of this fit.
+    /// Rests in the order given, with the verdicts of this fit.
     pub segments: Vec<Segment>,
-    /// The faces seen, and the next step.
+    /// Coverage: the faces seen, and the next step.
     pub coverage: Coverage,
-    /// The calibration, if anything is determined.
+    /// Calibration, if anything is determined.
     pub calibration: Option<Calibration>,
 }
 
-/// What the parameters of a triad have become at the time that the calibration is for, by a model in which they move.
+/// Parameters of a triad at the time that the calibration is for, from a model in which they move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moved {
-    /// In the order of [`Parameterisation::TRIANGULAR`], or the bias alone.
+    /// Values in the order of [`Parameterisation::TRIANGULAR`], or the bias alone.
     pub parameters: DVector<f64>,
-    /// Their covariance, the uncertainty of gravity not counted.
+    /// Covariance of the values, without the uncertainty of gravity.
     pub covariance: DMatrix<f64>,
-    /// What is to be said of it.
+    /// Note for the calibration.
     pub note: String,
 }
 
-/// What replaces the estimates of triads that move.
+/// Replacements for the estimates of triads that move.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// Of the primary accelerometer.
+    /// Replacement for the primary accelerometer.
     pub accelerometer: Option<Moved>,
-    /// Of the gyroscope's bias.
+    /// Replacement for the gyroscope's bias.
     pub gyroscope: Option<Moved>,
 }
 
-/// The gravity that such a fit would use.
+/// Gravity that such a fit uses.
 pub fn gravity(config: &Config) -> Gravity {
     solve::gravity(&config.fit, None)
 }
 
 impl Moved {
-    /// Puts it in the place of an estimate that holds the same parameters, or fewer.
+    /// Replaces the values of an estimate with the same parameters, or fewer.
     pub(super) fn replace(&self, fit: &mut Estimate, gravity: Option<Gravity>) {
         let order = match self.parameters.len() {
             3 => Parameterisation::BIAS,
@@ -71,8 +71,7 @@ impl Moved {
     }
 }
 
-/// The rest that a segment tells of, without its secondary accelerometers, and those by their names. `None` if what it
-/// says is no reading.
+/// Rest of a segment, without its secondary accelerometers, and those by name. `None` if its values are no readings.
 pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)> {
     let stamp = |time: &Option<prost_types::Timestamp>| {
         let time = time.as_ref()?;
@@ -93,7 +92,7 @@ pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)>
 }
 
 fn mean_of(message: &MeanMessage) -> Option<TriadMean> {
-    /// No sensor reads more, in either unit.
+    /// Largest reading of any sensor, in either unit.
     const MOST: f64 = 1e6;
     let vector = |v: &messages::Vector3| Vector3::new(v.x, v.y, v.z);
     let mean = vector(message.mean.as_ref()?);

@@ -6,7 +6,7 @@ use crate::fit::{self, Estimate};
 /// Reason why a triad is not calibrated; its text says what was seen and what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum Refusal {
-    /// A model that needs no faces needs more directions.
+    /// Too few directions for a model that needs no faces.
     #[error("{needed} placements in spread directions are needed, {seen} seen")]
     TooFewPlacements {
         /// Unknowns of the model.
@@ -14,35 +14,35 @@ pub(super) enum Refusal {
         /// Placements seen.
         seen: usize,
     },
-    /// Faces of the fixture, by name.
+    /// Missing faces of the fixture, by name.
     #[error("not seen at rest: {}", .0.join(", "))]
     FacesMissing(Vec<String>),
-    /// The equations have no solution.
+    /// Equations without a solution.
     #[error(transparent)]
     Unsolved(#[from] fit::Error),
-    /// Residuals on an accurate fixture, m/s².
+    /// Too large residuals on an accurate fixture, m/s².
     #[error(
         "the faces of the fixture do not point where they should: what is left over has an rms of {rms:.3} m/s², more than \
          {limit:.3}. Is the fixture accurate, level, and of this kind? bias-scale does not need it to be{}",
         also(at_bounds)
     )]
     InaccurateFixture { rms: f64, limit: f64, at_bounds: Vec<String> },
-    /// Residuals of ‖a‖ − g, m/s².
+    /// Too large residuals of ‖a‖ − g, m/s².
     #[error(
         "the rests contradict each other: ‖a‖ − g has an rms of {rms:.3} m/s², more than {limit:.3}{}",
         also(at_bounds)
     )]
     Contradicting { rms: f64, limit: f64, at_bounds: Vec<String> },
-    /// A direction that the placements hardly tell of; errors in m/s².
+    /// Direction that the placements hardly determine; errors in m/s².
     #[error(
         "a corrected reading could err by {worst:.2} m/s² in some direction, more than {limit:.2} (condition number \
          {condition:.0}): rests between the faces would tell"
     )]
     Weak { worst: f64, limit: f64, condition: f64 },
-    /// A refusal that a drift may be the cause of.
+    /// Refusal that may be due to a drift.
     #[error("{why}; {}", drift.explanation())]
     Drifting { why: Box<Self>, drift: Box<Drift> },
-    /// Parameters beyond the configuration's bounds, each in words.
+    /// Parameters beyond the configured bounds, as texts.
     #[error("{}: set fit.bounds, or the preset, to what the sensor is", .0.join(", "))]
     BeyondBounds(Vec<String>),
     /// Rests at different constant rates.
@@ -51,37 +51,37 @@ pub(super) enum Refusal {
          told: let it rest where nothing turns"
     )]
     Turning { turning: usize, rests: usize },
-    /// A rate about the vertical in one run of rests, rad/s.
+    /// Rate about the vertical in a single run of rests, rad/s.
     #[error(
         "reads {rate:.4} rad/s about the vertical in the one pose that it rested in: that may be a steady turn as well as a bias. \
          Let it rest in another pose, or once more later"
     )]
     OneRun { rate: f64 },
-    /// A fault of the stream, in words.
+    /// Fault of the stream, as text.
     #[error("{0}")]
     Fault(String),
-    /// The reference and the readings never overlap.
+    /// Reference that never overlaps with the readings.
     #[error("no reading lies between samples of the reference: check its topic and its time stamps")]
     NoReference,
-    /// The motion does not determine the parameters.
+    /// Motion that does not determine the parameters.
     #[error(
         "the motion beside the reference does not tell the parameters apart: turn the sensor about every axis, both ways, in \
          several attitudes"
     )]
     TooLittleMotion,
-    /// Residuals beside a reference, in the unit of the triad.
+    /// Too large residuals beside a reference, in the unit of the triad.
     #[error(
         "the reference does not explain the readings: what is left over has an rms of {rms:.3} {unit}, more than {limit:.3}. Check \
          its axes, units and time stamps"
     )]
     ReferenceContradicts { rms: f64, limit: f64, unit: &'static str },
-    /// A secondary accelerometer has nothing to be compared with.
+    /// Secondary accelerometer without a calibrated primary to compare it with.
     #[error("waits for the calibration of the primary accelerometer")]
     WaitsForPrimary,
-    /// A triad without a reading in any rest.
+    /// Triad without a reading in any rest.
     #[error("was silent during every rest: check its topic and its time stamps")]
     Silent,
-    /// Residuals of a secondary accelerometer, m/s²; `turned` if a full matrix would explain them.
+    /// Too large residuals of a secondary accelerometer, m/s²; `turned` if a full matrix would explain them.
     #[error(
         "does not follow the primary accelerometer: the residuals have an rms of {rms:.3} m/s², more than {limit:.3}. {}{}",
         if *turned {
@@ -105,13 +105,13 @@ impl Refusal {
     }
 }
 
-/// Parameters that the configuration's bounds hold back, each as a remark.
+/// Notes on parameters that the configured bounds hold back.
 pub(super) fn held_back(fit: &Estimate) -> Vec<String> {
     let terms = fit.active.iter().filter_map(|&i| fit.shape.terms().get(i));
     terms.map(|term| format!("{} is held back by its bound: check fit.bounds and the preset", term.name())).collect()
 }
 
-/// Further remarks behind a sentence.
+/// Appends further remarks to a sentence.
 fn also(remarks: &[String]) -> String {
     remarks.iter().map(|remark| format!("; {remark}")).collect()
 }

@@ -1,4 +1,4 @@
-//! The rests that an engine remembers, with the verdict on each. How they are judged is left to `rest_judge`.
+//! History of an engine's rests, with the verdict on each.
 
 use std::collections::BTreeMap;
 
@@ -8,34 +8,34 @@ use crate::imu::Sensor;
 use crate::messages::segment::Reason;
 use crate::still::{Rest, TriadMean};
 
-/// So many rests of one kind (accepted on one face, or rejected) are kept apart.
+/// Largest number of rests of one kind (accepted on one face, or rejected) that are stored separately.
 const MAX_KEPT: usize = 64;
 
-/// Rests in the order in which they ended.
+/// Rests in the order of their ends.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct RestHistory {
     entries: Vec<JudgedRest>,
     forgotten: u64,
 }
 
-/// One rest.
+/// Rest with its verdict.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct JudgedRest {
     pub(super) rest: Rest,
     pub(super) verdict: Verdict,
-    /// What was last said of it.
+    /// Verdict that was last published.
     pub(super) told: Option<Verdict>,
-    /// How many rests it stands for.
+    /// Number of rests that it stands for.
     pub(super) count: u64,
-    /// How long they lasted together.
+    /// Total duration of these rests, s.
     pub(super) seconds: f64,
 }
 
-/// What is thought of a rest.
+/// Verdict on a rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Verdict {
     pub(super) reason: Reason,
-    /// Nearest face of the fixture, and the angle to it in degrees, once the orientation can be told.
+    /// Nearest face of the fixture, and the angle to it in degrees, once the orientation is known.
     pub(super) face: Option<(usize, f64)>,
     pub(super) explanation: String,
 }
@@ -50,9 +50,9 @@ impl Verdict {
         matches!(self.reason, Reason::Accepted | Reason::Tilted)
     }
 
-    /// Whether it is so much another that people are to be told again.
+    /// Whether the verdict differs enough from the published one to be published again.
     pub(super) fn differs_from(&self, told: &Self) -> bool {
-        /// Degrees.
+        /// Least change of tilt, degrees.
         const TILT: f64 = 1.0;
         let tilts = (self.face, told.face);
         let moved = matches!(tilts, (Some((_, now)), Some((_, then))) if (now - then).abs() > TILT);
@@ -76,7 +76,7 @@ impl RestHistory {
         self.entries.push(JudgedRest { rest, verdict, told: None, count: 1, seconds });
     }
 
-    /// Takes what a triad read out of every rest; of the primary accelerometer, the rests themselves.
+    /// Removes the readings of a triad from every rest; for the primary accelerometer, the rests themselves.
     pub(super) fn forget(&mut self, sensor: Sensor) {
         for entry in std::mem::take(&mut self.entries) {
             let JudgedRest { rest, count, .. } = entry;
@@ -95,18 +95,18 @@ impl RestHistory {
         &mut self.entries
     }
 
-    /// Rests found, whether still remembered or not.
+    /// Number of rests found, including those no longer stored.
     pub(super) fn found(&self) -> u64 {
         self.forgotten + self.entries.iter().map(|entry| entry.count).sum::<u64>()
     }
 
-    /// Rests accepted.
+    /// Number of accepted rests.
     pub(super) fn accepted(&self) -> u64 {
         self.entries.iter().filter(|entry| entry.verdict.is_accepted()).map(|entry| entry.count).sum()
     }
 
-    /// Keeps memory constant: of too many accepted rests on one face the two nearest in time that read alike are merged; if
-    /// there are no such two, or they are rejected ones, the oldest is forgotten.
+    /// Keeps memory constant. Of too many accepted rests on one face, the two nearest in time with like readings are
+    /// merged; if there are no such two, or the rests are rejected ones, the oldest is dropped.
     pub(super) fn shrink(&mut self) {
         while let Some((kind, same)) = self.crowd() {
             let entries = &self.entries;
@@ -122,7 +122,7 @@ impl RestHistory {
         }
     }
 
-    /// The places of the rests of a kind of which there are too many.
+    /// Kind of rests of which there are too many, and their indices.
     fn crowd(&self) -> Option<(Option<usize>, Vec<usize>)> {
         let mut kinds: BTreeMap<_, Vec<usize>> = BTreeMap::new();
         for (i, entry) in self.entries.iter().enumerate() {
@@ -133,9 +133,9 @@ impl RestHistory {
 }
 
 impl JudgedRest {
-    /// Whether the mean of both is as long as either: of directions an angle δ apart it is shorter by δ²/8.
+    /// Whether the mean of both is as long as either: that of directions an angle δ apart is shorter by δ²/8.
     fn reads_like(&self, other: &Self) -> bool {
-        /// m/s²: a ten thousandth of g at most.
+        /// Largest difference, m/s²: it shortens the mean by a ten thousandth of g at most.
         const APART: f64 = 0.25;
         (self.rest.accelerometer.mean - other.rest.accelerometer.mean).norm() <= APART
     }
@@ -161,7 +161,7 @@ fn both(a: Option<&TriadMean>, b: Option<&TriadMean>) -> Option<TriadMean> {
     }
 }
 
-/// Two means as if of one rest; what they differ by is placement, not noise.
+/// Merges two means as if of one rest; their difference is placement scatter, not noise.
 fn merged(a: &TriadMean, b: &TriadMean) -> TriadMean {
     let share = b.effective / (a.effective + b.effective).max(f64::MIN_POSITIVE);
     TriadMean {

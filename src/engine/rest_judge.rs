@@ -1,4 +1,4 @@
-//! What is thought of each rest: accepted on a face, or rejected for a reason that a person can act on.
+//! Judge of rests: accepted on a face, or rejected for a reason that a person can act on.
 
 use std::collections::BTreeMap;
 
@@ -11,33 +11,33 @@ use crate::imu::{AccelUnit, Sensor};
 use crate::messages::segment::Reason;
 use crate::still::{self, Rest, Segmenter, Signal, TriadMean};
 
-/// What rests are judged by.
+/// Settings and data that rests are judged by.
 pub(super) struct Judge<'a> {
     pub(super) still: &'a still::Config,
     pub(super) fit: &'a fit::Config,
     pub(super) fixture: &'a Fixture,
-    /// Knows the noise floor.
+    /// Segmenter, for the noise floor.
     pub(super) segmenter: &'a Segmenter,
-    /// Length of gravity, m/s².
+    /// Magnitude of gravity, m/s².
     pub(super) gravity: f64,
     /// Unit that the accelerometer's readings were converted from.
     pub(super) accel_unit: AccelUnit,
 }
 
-/// Which poses a model can use.
+/// Poses that a model can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Poses {
-    /// Those near the faces of the fixture.
+    /// Poses near the faces of the fixture.
     OnFaces,
-    /// Any.
+    /// All poses.
     Any,
 }
 
 impl Judge<'_> {
-    /// Faults that show whatever the orientation.
+    /// Rejects rests with faults that show in any orientation.
     pub(super) fn sort_out(&self, entries: &mut [JudgedRest]) {
         let usual_rate = self.usual_rate(entries);
-        // A long rest is split; its last piece may be short, its placement is not.
+        // A long rest is split; its last piece may be short, but its placement is not.
         let mut seconds: BTreeMap<u32, f64> = BTreeMap::new();
         for entry in entries.iter() {
             *seconds.entry(entry.rest.placement).or_default() += entry.seconds;
@@ -53,7 +53,7 @@ impl Judge<'_> {
         }
     }
 
-    /// The faces of the faultless, by the accelerometer's calibration as it is known or guessed.
+    /// Assigns faces to the remaining rests, by the accelerometer's calibration as known or guessed.
     pub(super) fn assign_faces(&self, entries: &mut [JudgedRest], calibration: &Calibration, poses: Poses) {
         for JudgedRest { rest, verdict, .. } in entries {
             if !verdict.is_at_rest() {
@@ -61,7 +61,7 @@ impl Judge<'_> {
             }
             let specific_force = calibration.correct(&rest.accelerometer.mean);
             let length = specific_force.norm() / self.gravity;
-            // Before the biases are known three axes may each seem to feel all of gravity.
+            // Before the biases are known each axis may seem to sense all of gravity.
             let nearest = self.fixture.nearest(&specific_force).filter(|_| (0.5..1.8).contains(&length));
             let Some((face, tilt)) = nearest else {
                 let read = rest.accelerometer.mean.norm();
@@ -87,7 +87,7 @@ impl Judge<'_> {
         }
     }
 
-    /// What is wrong with a rest, given how long its placement lasted and how noisy the noisiest rest was.
+    /// Fault of a rest, given the duration of its placement and the noise of the noisiest rest.
     fn fault(
         &self,
         rest: &Rest,
@@ -104,7 +104,7 @@ impl Judge<'_> {
         if let Some(explanation) = clipped(rest).or(pinned) {
             return Some((Reason::Saturated, explanation));
         }
-        // A coarse converter may stand still by itself, one whose noise is above its step does not.
+        // A coarse converter may repeat one value at rest; one whose noise is above its step does not.
         if accelerometer.deviation() == 0.0 && self.segmenter.accel_step().is_some_and(|step| loudest > 2.0 * step) {
             let explanation = "the accelerometer does not change at all, as it did before: is the stream frozen?";
             return Some((Reason::SensorFault, explanation.to_owned()));
@@ -123,7 +123,7 @@ impl Judge<'_> {
             return Some((Reason::Outlier, explanation));
         }
         let creep = accelerometer.trend.norm();
-        // A steady slide trips the gate when its mean has fallen behind by `max_creep`; its trend is more than that.
+        // A steady slide trips the gate when its mean is off by `max_creep`; its trend is more than that.
         let noise = if rest.crept { 0.0 } else { 3.0 * accelerometer.trend_noise };
         if creep > 0.7 * self.still.max_creep + noise {
             let explanation = format!("specific force wandered by {creep:.3} m/s²: let the sensor settle");
@@ -146,13 +146,13 @@ impl Judge<'_> {
         None
     }
 
-    /// Whether a mean rate may be the bias of a gyroscope that stands.
+    /// Whether a mean rate may be the bias of a gyroscope at rest.
     fn is_bias(&self, rate: &Vector3<f64>) -> bool {
         rate.iter().enumerate().all(|(axis, rate)| self.fit.bounds.gyro_bias.contains(axis, *rate))
     }
 
-    /// The mean rate that the most time at rest agrees on within `max_turn`: the gyroscope's bias, unless it turned
-    /// steadily most of the time. Of equals the slower, since what turns turns faster.
+    /// Mean rate on which most of the time at rest agrees within `max_turn`: the gyroscope's bias, unless the sensor
+    /// turned steadily most of the time. Among equals the slower, since turning adds to the rate.
     fn usual_rate(&self, entries: &[JudgedRest]) -> Option<Vector3<f64>> {
         let credible = entries.iter().filter(|entry| self.segmenter.is_quiet(&entry.rest));
         let rates = credible.filter_map(|entry| Some((entry.rest.gyroscope.as_ref()?.mean, entry.seconds)));
@@ -167,7 +167,7 @@ impl Judge<'_> {
     }
 }
 
-/// That the driver called readings clipped.
+/// Text on readings that the driver reported as clipped.
 fn clipped(rest: &Rest) -> Option<String> {
     let gyroscope = rest.gyroscope.as_ref().map_or(0, |mean| mean.clipped);
     let said = [("accelerometer", rest.accelerometer.clipped), ("gyroscope", gyroscope)];
@@ -176,8 +176,8 @@ fn clipped(rest: &Rest) -> Option<String> {
     })
 }
 
-/// That an axis sits at an end of its range: the lowest or highest reading of the whole stream, far more often than noise
-/// takes it there.
+/// Text on an axis at an end of its range: at the lowest or highest reading of the whole stream, far more often than by
+/// noise.
 fn pinned(mean: &TriadMean, signal: &Signal) -> Option<String> {
     const SHARE: f64 = 0.05;
     const LEAST: u64 = 10;
@@ -198,7 +198,7 @@ fn pinned(mean: &TriadMean, signal: &Signal) -> Option<String> {
     })
 }
 
-/// The axis that stands still to the last bit while another moves by more than a step of the converter.
+/// Axis that stays exactly constant while another moves by more than a step of the converter.
 fn frozen_axis(mean: &TriadMean, step: Option<f64>) -> Option<&'static str> {
     let std = mean.std();
     let alive = std.max() > 2.0 * step.unwrap_or(0.0);
@@ -206,7 +206,7 @@ fn frozen_axis(mean: &TriadMean, step: Option<f64>) -> Option<&'static str> {
     axes.into_iter().zip(&std).find(|(_, std)| alive && **std == 0.0).map(|(axis, _)| axis)
 }
 
-/// What a magnitude at rest that is not gravity may be.
+/// Text on a magnitude at rest that is not gravity.
 fn not_gravity(read: f64, gravity: f64, unit: AccelUnit) -> String {
     if let Some(scale) = ForceScale::of(read, unit.factor()) {
         return units::not_metres(read, scale);

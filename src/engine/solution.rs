@@ -1,4 +1,4 @@
-//! Estimates of every triad that the rests determine, with what speaks for and against them.
+//! Estimates of all triads that the rests determine, with the evidence for and against them.
 
 use super::drift::Drift;
 use super::fault::Fault;
@@ -11,52 +11,53 @@ use crate::turns::Explanation;
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     pub(super) gravity: Gravity,
-    /// Or why not.
+    /// Estimate of the accelerometer, or the reason why not.
     pub(super) accelerometer: Result<Estimate, Refusal>,
-    /// Richer models than that of the accelerometer, and why each is none.
+    /// Richer models than that of the accelerometer, and the reason against each.
     pub(super) refused: Vec<(Parameterisation, Refusal)>,
     pub(super) gyroscope: Option<Estimate>,
-    /// The gyroscope by its rests alone.
+    /// Estimate of the gyroscope from its rests alone.
     pub(super) gyro_at_rest: Option<Estimate>,
     pub(super) turning: Option<Turning>,
     pub(super) secondary: Vec<Result<Estimate, Refusal>>,
-    /// Accepted placements, all faces together.
+    /// Number of accepted placements, on all faces.
     pub(super) placements: usize,
-    /// Placements that nothing else checks well enough, the least checked first, each by the name of its face.
+    /// Names of the faces whose placements are not checked well enough, the least checked first.
     pub(super) unchecked: Vec<String>,
-    /// The accelerometer's quantisation step, if it is so coarse beside the noise that rounding biases the means, m/s².
+    /// Quantisation step of the accelerometer, m/s², if it is so coarse relative to the noise that rounding biases the
+    /// means.
     pub(super) coarse_step: Option<f64>,
-    /// Of the gyroscope's bias.
+    /// Number of placements in the gyroscope's bias.
     pub(super) gyro_placements: usize,
-    /// Rests that were rejected as turns at a constant rate.
+    /// Number of rests that were rejected as turns at a constant rate.
     pub(super) gyro_turned: usize,
-    /// Whether it lay in more than one pose, or more than once.
+    /// Whether the gyroscope was at rest in more than one placement.
     pub(super) gyro_posed: bool,
-    /// Why the gyroscope has no bias although it was read at rest.
+    /// Reason why the gyroscope has no bias although there are readings at rest.
     pub(super) gyro_refusal: Option<Refusal>,
     /// Mean rates at the ends of a rest in which the gyroscope went to zero, rad/s, if there was one.
     pub(super) gyro_relaxed: Option<(f64, f64)>,
-    /// The accelerometer's calibration as it was guessed before anything was fitted.
+    /// Initial guess of the accelerometer's calibration.
     pub(super) guessed: Calibration,
-    /// What speaks against the readings.
+    /// Faults of the streams.
     pub(super) faults: Vec<Fault>,
-    /// What the turns say of how the gyroscope reads.
+    /// Explanation of the turns by the gyroscope's readings.
     pub(super) turned: Explanation,
-    /// Whether the gyroscope's unit is set, or the turns confirm it.
+    /// Whether the gyroscope's unit is set, or confirmed by the turns.
     pub(super) unit_confirmed: bool,
-    /// What contradicts itself and cannot be decided, in words.
+    /// Contradictions that cannot be resolved, as texts.
     pub(super) doubts: Vec<String>,
     pub(super) drift: Option<Drift>,
-    /// What would determine the accelerometer if it is not.
+    /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,
 }
 
-/// What a model of the accelerometer needs more of.
+/// Missing data of a model of the accelerometer.
 #[derive(Clone, Debug)]
 pub(super) enum Missing {
-    /// The faces of the fixture.
+    /// Faces of the fixture.
     Faces,
-    /// Any directions; the one furthest from those seen, by name.
+    /// Directions; names the one furthest from those seen.
     Direction(String),
     /// Motion beside the reference.
     Motion,

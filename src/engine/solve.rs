@@ -1,5 +1,4 @@
-//! From the remembered rests to what they determine of each triad. How one model of the primary accelerometer is tried is
-//! left to `model_trial`, how rests become observations to `observations`.
+//! Solves for what the stored rests determine of each triad.
 
 use std::collections::BTreeSet;
 
@@ -23,11 +22,11 @@ use crate::imu::SecondaryModel;
 use crate::messages::segment::Reason;
 use crate::turns::Explanation;
 
-/// A slow turn may pass for a rest until a quieter one is seen: so many times the least rest that is fitted must have been
-/// seen before a gyroscope's bias is believed.
+/// Least duration of rests before a gyroscope's bias is accepted, in multiples of the shortest rest that is fitted: a
+/// slow turn may pass for a rest until a quieter one is seen.
 const LEAST_RESTS: f64 = 3.0;
 
-/// The gravity to fit with.
+/// Gravity for the fit.
 pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     match (config.gravity, config.place(), fix) {
         (Some(value), place, fix) => Gravity { place: place.or(fix), ..Gravity::configured(value) },
@@ -37,7 +36,7 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
     }
 }
 
-/// Judges every rest anew and fits what the good ones, or a reference, determine.
+/// Judges every rest anew and fits what the accepted ones, or a reference, determine.
 pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Config, givens: &Givens<'_>) -> Solution {
     judge.sort_out(entries);
     let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
@@ -86,12 +85,12 @@ fn candidates(model: Model, reference: bool) -> &'static [Parameterisation] {
     }
 }
 
-/// Whether a model of the accelerometer is fitted on a reference where there is one.
+/// Whether a model of the accelerometer is fitted to a reference if there is one.
 fn beside_reference(shape: Parameterisation) -> bool {
     shape == Parameterisation::FULL_ACCELEROMETER || shape == Parameterisation::MATRIX
 }
 
-/// Fits the other triads that the rests determine, beside an attempt at the primary accelerometer.
+/// Fits the other triads, beside a trial of the primary accelerometer.
 fn others(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
@@ -127,7 +126,7 @@ fn others(
         .collect();
     let gyro_posed = poses_seen.len() > 1;
     let credible = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).count();
-    // Until the accelerometer is calibrated its raw reading is upright enough.
+    // Until the accelerometer is calibrated its raw reading is vertical enough.
     let vertical = observations::rates(entries, noise, config, Some(&calibration.unwrap_or_default()));
     let refusal = steady_turn(entries, &vertical, credible, gyro_posed, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
@@ -181,14 +180,14 @@ fn others(
     }
 }
 
-/// At rest a gyroscope turns with the Earth. About the vertical, that is; where north is, nobody knows.
+/// Adds the Earth's rotation to the true rate at rest: only its vertical component, since north is unknown.
 fn turn_with_the_earth(reading: &mut Reading, place: &Place) {
     if let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) {
         reading.truth.own = up * place.vertical_rate();
     }
 }
 
-/// The face, edge or corner of a cube that is furthest from every direction seen, by the axes between which it lies.
+/// Names the face, edge or corner of a cube that is furthest from every direction seen, by its axes.
 fn unseen(ups: &[Vector3<f64>]) -> String {
     let nearness = |direction: &Vector3<f64>| ups.iter().map(|up| up.dot(direction)).fold(-1.0, f64::max);
     let furthest = directions().min_by(|a, b| nearness(a).total_cmp(&nearness(b))).unwrap_or_default();
@@ -200,10 +199,10 @@ fn unseen(ups: &[Vector3<f64>]) -> String {
     }
 }
 
-/// The placements that nothing else checks well enough, the least checked first, by the names of their faces.
+/// Names of the faces whose placements are not checked well enough, the least checked first.
 fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> {
     let Some(reliability) = &fit.reliability else { return Vec::new() };
-    // An accurate fixture gives an equation of each axis.
+    // An accurate fixture gives an equation for each axis.
     let per_placement = (reliability.checks.len() / seen.len().max(1)).max(1);
     let mut weak: Vec<_> = reliability.checks.chunks(per_placement).zip(seen).collect();
     weak.retain(|(checks, _)| !checks.iter().all(Check::is_enough));
@@ -220,10 +219,10 @@ fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> 
     names
 }
 
-/// What speaks against a gyroscope's bias: rests that turned, and that it lay in one pose only.
+/// Refusal of a gyroscope's bias: too many rests that turned, or a rate about the vertical in a single placement.
 fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed: bool, most: f64) -> Option<Refusal> {
     let turning = entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count();
-    // Most of them must agree before the others are the ones that turned.
+    // Most rests must agree before the others count as turning.
     if 2 * turning > at_rest {
         return Some(Refusal::Turning { turning, rests: turning + at_rest });
     }
@@ -231,7 +230,7 @@ fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed:
     (!posed && rate > most).then_some(Refusal::OneRun { rate })
 }
 
-/// In one pose the rate about the vertical may be a turn as well as a bias.
+/// Widens the bias for a single placement, where the rate about the vertical may be a turn as well as a bias.
 fn doubt_vertical(fit: &mut Estimate, rates: &[Reading]) {
     let Some(reading) = rates.first() else { return };
     let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) else { return };
@@ -239,7 +238,7 @@ fn doubt_vertical(fit: &mut Estimate, rates: &[Reading]) {
     fit.widen(&DVector::from_iterator(3, turn.iter().copied()));
 }
 
-/// The rate about the vertical, rad/s.
+/// Rate about the vertical, rad/s.
 fn about_vertical(reading: &Reading) -> f64 {
     reading.truth.other.try_normalize(f64::MIN_POSITIVE).map_or(0.0, |up| reading.mean.dot(&up))
 }

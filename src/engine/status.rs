@@ -1,4 +1,4 @@
-//! Status of each triad: confirmed only where any one wrong placement would show, and none does.
+//! Status of each triad: confirmed only if any one wrong placement would show, and none does.
 
 use super::solution::Solution;
 use crate::fit::{Estimate, Parameterisation};
@@ -7,25 +7,25 @@ use crate::messages::triad::Status;
 /// Reason why an estimate is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unconfirmed {
-    /// There is none.
+    /// No estimate.
     Undetermined,
-    /// Placements contradict each other, and which is wrong cannot be told.
+    /// Contradicting placements, without evidence which one is wrong.
     Doubted,
-    /// The readings drift.
+    /// Drifting readings.
     Drifting,
-    /// A bound holds a parameter back.
+    /// Parameter held back by a bound.
     AtBound,
-    /// A placement that nothing else checks.
+    /// Placement that nothing else checks.
     Unchecked,
-    /// The placements differ by more than they scatter.
+    /// Placements that differ by more than their scatter.
     Disagreeing,
-    /// The gyroscope turned in some rests, or was seen in too few.
+    /// Gyroscope that turned in some rests, or had too few placements.
     Turning,
-    /// Nothing tells the unit of the gyroscope.
+    /// Gyroscope whose unit is not confirmed.
     Unit,
 }
 
-/// Whether the primary accelerometer is confirmed, or why not.
+/// Confirms the primary accelerometer, or returns the reason why not.
 pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     let Ok(fit) = &solution.accelerometer else { return Err(Unconfirmed::Undetermined) };
     if !solution.doubts.is_empty() {
@@ -37,14 +37,14 @@ pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     estimate(fit)
 }
 
-/// Whether a secondary accelerometer is: it can be no surer than the primary that it was compared with.
+/// Confirms a secondary accelerometer: it is no more certain than the primary that it was compared with.
 pub(super) fn secondary(solution: &Solution, fit: &Estimate) -> Result<(), Unconfirmed> {
     accelerometer(solution).and_then(|()| estimate(fit))
 }
 
-/// Whether the gyroscope is: a turn at a constant rate passes for a bias, unless the sensor lay otherwise in between.
+/// Confirms the gyroscope: a turn at a constant rate passes for a bias, unless the sensor was placed anew in between.
 pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Unconfirmed> {
-    /// Placements of it.
+    /// Fewest placements.
     const FEW: usize = 4;
     let beside_reference = fit.shape == Parameterisation::FULL_GYROSCOPE;
     if !beside_reference && (solution.gyro_placements < FEW || solution.gyro_turned > 0 || !solution.gyro_posed) {
@@ -56,7 +56,7 @@ pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Uncon
     estimate(fit)
 }
 
-/// What an estimate says by itself.
+/// Confirms an estimate by itself.
 fn estimate(fit: &Estimate) -> Result<(), Unconfirmed> {
     if !fit.active.is_empty() {
         return Err(Unconfirmed::AtBound);
@@ -79,7 +79,8 @@ pub(super) fn message(confirmed: Result<(), Unconfirmed>) -> Status {
     }
 }
 
-/// χ² over its degrees of freedom that agreement exceeds once in a thousand times (Wilson and Hilferty 1931).
+/// Value of χ² over its degrees of freedom that is exceeded by chance once in a thousand times (Wilson and Hilferty
+/// 1931).
 fn agreement(freedom: f64) -> f64 {
     const NORMAL: f64 = 3.09;
     let v = 2.0 / (9.0 * freedom.max(1.0));

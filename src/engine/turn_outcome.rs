@@ -1,20 +1,20 @@
-//! What the turns between rests determine, or why they do not.
+//! Outcome of the fit to turns between rests.
 
 use crate::fit::turn_fit::{TooLittle, TurnEstimate};
 use crate::turns::Unusable;
 
-/// What the turns determine beside an accelerometer, or why not.
+/// Outcome of the fit to turns beside an accelerometer: an estimate, or the reason why not.
 #[derive(Clone, Debug)]
 pub(super) struct Turning {
     pub(super) found: Result<TurnEstimate, TooLittle>,
-    /// How many turns do not count, and why.
+    /// Reasons why turns do not count, with their numbers.
     pub(super) unusable: Vec<(Unusable, usize)>,
-    /// Whether they made the accelerometer a triangular one.
+    /// Whether the turns made the accelerometer's model triangular, or sharpened it.
     pub(super) completed: bool,
 }
 
 impl Turning {
-    /// In words.
+    /// Remarks for people.
     pub(super) fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         match &self.found {

@@ -1,5 +1,4 @@
-//! Verdict on each turn between two rests, as it is published. Which turns the gyroscope is fitted to, and how, is left to
-//! `turning`.
+//! Verdict on each turn between two rests, as it is published.
 
 use std::collections::BTreeMap;
 
@@ -15,22 +14,22 @@ use crate::fit::Calibration;
 use crate::messages::{self, turn::Reason};
 use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict};
 
-/// A turn, by the rests at its ends, and what is thought of it.
+/// Verdict on a turn, identified by the rests at its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct TurnVerdict {
-    /// When the rest after it began.
+    /// Start of the rest after it.
     pub(super) to: Stamp,
     pub(super) used: bool,
     pub(super) reason: Reason,
     pub(super) explanation: String,
 }
 
-/// What was last said of each turn, by when the rest before it began.
+/// Verdicts last published, by the start of the rest before the turn.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct TurnsTold(BTreeMap<Stamp, TurnVerdict>);
 
 impl TurnsTold {
-    /// The turns of which something else is thought than was said, as messages.
+    /// Messages on the turns whose verdict differs from the published one.
     pub(super) fn news(
         &mut self,
         header: &messages::Header,
@@ -49,7 +48,7 @@ impl TurnsTold {
             let same = |told: &TurnVerdict| {
                 told.to == verdict.to && told.used == verdict.used && told.reason == verdict.reason
             };
-            // That its pieces are gone is no verdict on a turn.
+            // The loss of its pieces is no verdict on a turn.
             let forgotten =
                 |told: &TurnVerdict| told.to == verdict.to && turn.unusable(None) == Some(Unusable::Forgotten);
             if told.is_some_and(|told| same(told) || forgotten(told)) {
@@ -62,19 +61,19 @@ impl TurnsTold {
     }
 }
 
-/// What verdicts are made of.
+/// Data that the verdicts are based on.
 struct View<'a> {
     turns: &'a History,
     entries: &'a [JudgedRest],
     solution: &'a Solution,
-    /// Of the gyroscope, one sample of an axis, rad/s.
+    /// Noise of one sample of a gyroscope axis, rad/s.
     noise: f64,
-    /// Of the gyroscope, rad/s.
+    /// Range of the gyroscope, rad/s.
     range: Option<f64>,
 }
 
 impl<'a> View<'a> {
-    /// Of the turns between neighbouring rests, and of those between neighbouring ones that are believed.
+    /// Verdicts on the turns between neighbouring rests, and between neighbouring accepted ones.
     fn verdicts(&self) -> BTreeMap<Stamp, (Turn<'a>, TurnVerdict)> {
         let mut verdicts = BTreeMap::new();
         for turn in self.turns.turns(|_| true) {
@@ -96,7 +95,7 @@ impl<'a> View<'a> {
         observations::tells_of_rates(entry, self.noise)
     }
 
-    /// On a turn between rests that are believed; `place` counts those that were fitted.
+    /// Verdict on a turn between accepted rests; `place` counts those that were fitted.
     fn verdict(&self, turn: &Turn<'_>, place: &mut usize) -> TurnVerdict {
         let not = |reason, explanation: &str| TurnVerdict {
             to: turn.to,
@@ -180,7 +179,7 @@ fn up(accelerometer: &Calibration, force: &Vector3<f64>) -> Vector3<f64> {
     accelerometer.correct(force).try_normalize(f64::MIN_POSITIVE).unwrap_or(Vector3::z())
 }
 
-/// How it turned, and the angle between gravity as it must be then and as it was read.
+/// Motion of a turn, and the angle between gravity as predicted and as measured after it.
 fn follow(pieces: &[Piece], gyroscope: Option<&Calibration>, ends: &Ends) -> (Motion, f64) {
     let candidate = gyroscope.map_or(Candidate::default(), |known| Candidate::of_inverse(known.inverse()));
     let there = predict(pieces.iter(), &candidate, ends).up;
@@ -188,7 +187,7 @@ fn follow(pieces: &[Piece], gyroscope: Option<&Calibration>, ends: &Ends) -> (Mo
     (motion(pieces.iter(), &candidate, ends), residual)
 }
 
-/// Of a piece, in the order of the message.
+/// Integrals of a piece, in the order of the message.
 fn integrals(piece: &Piece) -> [f64; 10] {
     let Piece { angle: a, coning: c, moment: m, seconds } = piece;
     [a.x, a.y, a.z, c.x, c.y, c.z, m.x, m.y, m.z, *seconds]

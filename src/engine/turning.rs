@@ -1,5 +1,5 @@
-//! What the turns between the remembered rests determine: the gyroscope's sensitivity, and with it the accelerometer's entries
-//! off the diagonal. How they are fitted is left to [`turn_fit`].
+//! Fit to the turns between the stored rests: the gyroscope's sensitivity, and with it the accelerometer's off-diagonal
+//! entries.
 
 use nalgebra::{DVector, Vector3};
 
@@ -17,7 +17,7 @@ use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
 use crate::turns::{History, Unusable};
 
-/// Fits the turns beside an accelerometer; `None` where there is none to fit them beside, or no turn.
+/// Fits the turns beside an accelerometer; `None` if there are no turns.
 pub(super) fn fit(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
@@ -43,10 +43,10 @@ pub(super) fn fit(
     Some(Turning { found, unusable, completed: false })
 }
 
-/// Placements scatter by this at least, m/s².
+/// Least scatter of placements, m/s².
 const MIN_SCATTER: f64 = 5e-4;
 
-/// The gyroscope with what the turns say of it.
+/// Gyroscope estimate with the results of the turns.
 pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solution {
     let at_rest = solution.gyroscope.clone();
     let found = turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
@@ -57,7 +57,7 @@ pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solu
     Solution { gyroscope, gyro_at_rest: at_rest, turning, ..solution }
 }
 
-/// What the turns say of the accelerometer, if it errs less with it: a triangular one of one on the faces.
+/// Improves the accelerometer by the turns if that reduces its error: one on the faces becomes triangular.
 pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
     let config = judge.fit;
     let wanted = config.model == Model::Auto && config.estimator == Estimator::Magnitude && config.loss == Loss::Square;
@@ -80,7 +80,7 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
     }
 }
 
-/// A triangular accelerometer from the placements, and what the turns say.
+/// Triangular accelerometer from the placements and the turns.
 fn triangular(
     attempt: &ModelTrial,
     fit: &Estimate,
@@ -105,7 +105,7 @@ fn triangular(
         }
     };
     for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
-        // Of bias and scale on the faces; what is below the diagonal the turns say.
+        // Doubts about bias and scale on the faces; the entries below the diagonal come from the turns.
         let mut moved = DVector::zeros(richer.parameters.len());
         for (from, doubt) in doubt.iter().enumerate().take(fit.parameters.len()) {
             let to = if fit.shape == Parameterisation::TRIANGULAR { from } else { [0, 1, 2, 3, 5, 8][from] };
@@ -116,7 +116,7 @@ fn triangular(
     Some(richer)
 }
 
-/// The turns that count, between rests that are believed, and how many others there are.
+/// Usable turns between accepted rests, and the numbers of unusable ones by reason.
 fn session(
     history: &History,
     entries: &[JudgedRest],

@@ -1,7 +1,8 @@
-//! Units told by the data alone: by gravity's length at rest, and by the turns between rests, whatever the noise.
+//! Unit probe: units from the data alone, by the magnitude of gravity at rest and the turns between rests, whatever the
+//! noise.
 //!
-//! Rests are believed only under ceilings in m/s² and rad/s, which readings in other units do not keep. Here rest is what is
-//! quieter than the rest of the recording, without a ceiling; nothing is calibrated by it.
+//! The detection of rests has ceilings in m/s² and rad/s, which readings in other units exceed. Here a rest is what is
+//! quieter than the remainder of the recording, without a ceiling; nothing is calibrated by it.
 
 use std::collections::VecDeque;
 
@@ -13,26 +14,26 @@ use crate::imu::{RateUnit, Sample, Sensor};
 use crate::still::{self, Outcome, Rest, Segmenter};
 use crate::turns::{Explanation, History};
 
-/// Looks at the samples of one IMU.
+/// Probe of the units of one IMU.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct UnitProbe {
     segmenter: Segmenter,
     turns: History,
     rests: VecDeque<Rest>,
-    /// All rests, and with how many of them it last concluded.
+    /// Number of all rests, and of those at the last conclusion.
     found: u64,
     concluded: u64,
 }
 
-/// More than any sensor reads, in whatever unit. (Not infinite, which JSON cannot say.)
+/// Bound beyond any reading, in whatever unit. (Not infinite, which JSON cannot represent.)
 const BEYOND: f64 = 1e15;
-/// So many rests are remembered.
+/// Largest number of rests stored.
 const MOST_RESTS: usize = 65;
-/// Shorter rests say too little, s.
+/// Shortest usable rest, s.
 const SHORTEST: f64 = 0.5;
 
 impl UnitProbe {
-    /// With windows as configured.
+    /// Creates a probe with the configured windows.
     pub fn new(config: &still::Config) -> Self {
         let free = still::Config {
             accel_ceiling: BEYOND,
@@ -69,13 +70,13 @@ impl UnitProbe {
         self.take_rests();
     }
 
-    /// No more samples come.
+    /// Closes an open rest at the end of the samples.
     pub fn finish(&mut self) {
         self.segmenter.finish();
         self.take_rests();
     }
 
-    /// Whether so many more rests were found since the last time that another look is worth it.
+    /// Whether enough rests were found since the last conclusion for another one.
     pub(super) fn is_due(&mut self) -> bool {
         let due = self.found > self.concluded + self.concluded / 3;
         if due {
@@ -84,12 +85,12 @@ impl UnitProbe {
         due
     }
 
-    /// Whether so much is known that more samples will not change it.
+    /// Whether the conclusion will not change with more samples.
     pub fn is_settled(&mut self, unit: RateUnit) -> bool {
         self.is_due() && !matches!(self.gyroscope(unit), UnitFinding::Unknown)
     }
 
-    /// Unit of a gyroscope that was taken to read in this one.
+    /// Finding on the unit of a gyroscope that was taken to read in `unit`.
     pub fn gyroscope(&self, unit: RateUnit) -> UnitFinding<RateUnit> {
         match self.explanation(unit) {
             Explanation::Agrees => UnitFinding::Confirmed,
@@ -101,12 +102,12 @@ impl UnitProbe {
         }
     }
 
-    /// Magnitude of gravity at rest, in what the accelerometer was taken to read in; `None` without rests.
+    /// Magnitude of gravity at rest, in the assumed unit of the accelerometer; `None` without rests.
     pub fn gravity(&self) -> Option<f64> {
         typical(self.rests.iter().map(|rest| rest.accelerometer.mean.norm()))
     }
 
-    /// What the turns say, if anything.
+    /// Explanation of the turns by the gyroscope's readings.
     pub(super) fn explanation(&self, rate: RateUnit) -> Explanation {
         let stood = self.rests.iter().filter_map(|rest| {
             let rate = rest.gyroscope.as_ref()?.mean;
@@ -115,7 +116,7 @@ impl UnitProbe {
         axes::explanation(&self.turns, &stood.collect::<Vec<_>>(), rate)
     }
 
-    /// Gravity's length at rest, in what is taken for m/s², and what it seems to be in.
+    /// Magnitude of gravity at rest, in assumed m/s², and the unit it seems to be in; `None` if it is as it should be.
     pub(super) fn force(&self, factor: f64) -> Option<(f64, ForceScale)> {
         let gravity = self.gravity()?;
         Some((gravity, ForceScale::of(gravity, factor)?))

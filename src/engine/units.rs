@@ -1,32 +1,32 @@
-//! Units and axes that readings turned out to be in, and what to do about it, in words.
+//! Units and axes that readings turned out to have, and texts on what to do about it.
 
 use crate::imu::{AccelUnit, RateUnit};
 use crate::turns::{AxisOrder, RateScale};
 
-/// What the data tell of a unit.
+/// Finding on a unit, from the data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum UnitFinding<Unit> {
-    /// Nothing.
+    /// No finding.
     #[default]
     Unknown,
-    /// It is what it was taken for.
+    /// The assumed unit.
     Confirmed,
-    /// It is another: in words, and the unit to set if there is one.
+    /// Another unit: the text on it, and the unit to set if there is one.
     Other(String, Option<Unit>),
 }
 
-/// Unit that specific force is recorded in, told by gravity's length at rest.
+/// Unit of recorded specific force, from the magnitude of gravity at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum ForceScale {
     /// m/s², although another unit is set.
     Metres,
-    /// Standard gravity.
+    /// Standard gravity, g.
     Gravities,
-    /// Thousandths of it, or cm/s², or a converter's 1,024 a g: too near to each other to be told apart.
+    /// Thousandths of a g, cm/s², or 1,024 counts per g: too near to each other to be distinguished.
     Thousandths,
-    /// mm/s².
+    /// Millimetres per second squared.
     Millimetres,
-    /// Readings of a converter, so many a g.
+    /// Counts of a converter, so many per g.
     Counts(f64),
 }
 
@@ -34,12 +34,12 @@ pub(super) enum ForceScale {
 const G: f64 = 9.80665;
 
 impl ForceScale {
-    /// The unit of a recording in which gravity reads so much, in what is taken for m/s² by this factor; `None` where it is
-    /// as it should be, or nothing that is known.
+    /// Finds the unit of a recording from the magnitude of gravity, in assumed m/s² by this factor; `None` if it is as
+    /// it should be, or no known unit matches.
     pub(super) fn of(gravity: f64, factor: f64) -> Option<Self> {
-        /// A bias is part of what gravity reads.
+        /// Largest error as a logarithm, mostly from a bias.
         const OFF: f64 = 0.09;
-        /// What may be a sensor with a large bias, or with another full-scale range.
+        /// Relative magnitudes that a sensor with a large bias or another full-scale range may have.
         const PLAUSIBLE: std::ops::Range<f64> = 0.45..2.2;
         if PLAUSIBLE.contains(&(gravity / G)) {
             return None;
@@ -55,7 +55,7 @@ impl ForceScale {
     }
 }
 
-/// Unit of an accelerometer by what gravity reads at rest, in m/s² if it was taken for this unit.
+/// Finding on the unit of an accelerometer, from the magnitude of gravity at rest, in m/s² if it was taken for `unit`.
 pub fn unit_of_gravity(gravity: f64, unit: AccelUnit) -> UnitFinding<AccelUnit> {
     match ForceScale::of(gravity, unit.factor()) {
         Some(scale) => {
@@ -71,7 +71,7 @@ pub fn unit_of_gravity(gravity: f64, unit: AccelUnit) -> UnitFinding<AccelUnit> 
     }
 }
 
-/// Unit to set for a gyroscope that was taken for this one, if there is one.
+/// Unit to set for a gyroscope that was taken for `unit`, if there is one.
 pub(super) fn rate_unit(per_radian: f64, unit: RateUnit) -> Option<RateUnit> {
     let right = (0.8..1.25).contains(&per_radian);
     match RateScale::near(per_radian / unit.factor()) {
@@ -82,7 +82,7 @@ pub(super) fn rate_unit(per_radian: f64, unit: RateUnit) -> Option<RateUnit> {
     }
 }
 
-/// That gravity is no m/s², however much it is in them.
+/// Text on a gravity that is not in m/s², although converted as such.
 pub(super) fn not_metres(gravity: f64, scale: ForceScale) -> String {
     let what = match scale {
         ForceScale::Metres => "it is in m/s²: set accel = { unit = \"m/s^2\" }".to_owned(),
@@ -97,20 +97,21 @@ pub(super) fn not_metres(gravity: f64, scale: ForceScale) -> String {
     format!("reads {gravity:.digits$} at rest, where gravity is {G:.2} m/s²: {what}")
 }
 
-/// What the turns say of a gyroscope that reads otherwise than it should.
+/// Fault of a gyroscope's readings, by the turns.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Misread {
-    /// In another unit, with whatever axes.
+    /// Another unit, with any axes.
     Unit,
-    /// With axes that only a fault of the gyroscope explains.
+    /// Axes that only a fault of the gyroscope explains.
     Gyroscope,
-    /// With axes that a fault of the accelerometer explains more simply.
+    /// Axes that a fault of the accelerometer explains more simply.
     Accelerometer,
-    /// Turned against the accelerometer: either of them may be.
+    /// Axes rotated relative to the accelerometer: either sensor may be at fault.
     Turned,
 }
 
-/// Kind of what is wrong, and the words for it. `per_radian` are readings a rad/s, or else `or`, taken for rad/s by a unit.
+/// Fault of the readings, and the text on it. `per_radian` is the number of readings per rad/s, or else `or`, if taken
+/// for `unit`.
 pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit: RateUnit) -> (Misread, String) {
     let right = (0.8..1.25).contains(&per_radian);
     let unit = (!right).then(|| other_unit(per_radian / unit.factor(), or.map(|or| or / unit.factor())));
@@ -125,7 +126,7 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
     }
 }
 
-/// That rates are in another unit, given how much was recorded of a rad/s, or else.
+/// Text on rates in another unit, from the recorded number per rad/s, or else `or`.
 fn other_unit(recorded: f64, or: Option<f64>) -> String {
     let called = |recorded: f64| match RateScale::near(recorded) {
         RateScale::Radians => "in rad/s".to_owned(),
@@ -143,7 +144,7 @@ fn other_unit(recorded: f64, or: Option<f64>) -> String {
     format!("between rests gravity turned as if the rates were {}{or}{remedy}", called(recorded))
 }
 
-/// How axes stand that are not in order.
+/// Fault of axes that are not in order, and the text on it.
 fn other_axes(axes: AxisOrder) -> (Misread, String) {
     let names = ["x", "y", "z"];
     if axes.is_in_order() {
@@ -175,7 +176,7 @@ fn other_axes(axes: AxisOrder) -> (Misread, String) {
     )
 }
 
-/// Axes with the wrong sign.
+/// Fault of axes with the wrong sign, and the text on it.
 fn flipped(flipped: [bool; 3]) -> (Misread, String) {
     let named = |state: bool| {
         let axes = ["x", "y", "z"].into_iter().zip(flipped);
@@ -192,7 +193,7 @@ fn flipped(flipped: [bool; 3]) -> (Misread, String) {
     }
 }
 
-/// That nothing tells the unit of a gyroscope.
+/// Note that nothing confirms the unit of a gyroscope.
 pub fn unconfirmed_unit(unit: RateUnit) -> String {
     let unit = match unit {
         RateUnit::RadiansPerSecond => "rad/s",
