@@ -96,7 +96,7 @@ pub enum Model {
     /// Bias and full sensitivity, twelve unknowns: needs an accurate fixture. Of the gyroscope: bias, sensitivity to
     /// specific force and to its square, fifteen unknowns.
     CrossAxis,
-    /// As `CrossAxis`, with the sensitivity of each triad to the other's quantity, and the gyroscope's own: 21 and 24
+    /// `CrossAxis`, and the sensitivity of each triad to the other's quantity, and the gyroscope's own: 21 and 24
     /// unknowns. Needs a reference of true specific force and angular rate, in motion.
     Full,
 }

@@ -20,11 +20,11 @@ pub struct Gravity {
 /// Source of a value of gravity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
-    /// Configured as `fit.gravity`.
+    /// Value of `fit.gravity`.
     Configured,
-    /// From `fit.latitude_deg`.
+    /// Latitude in `fit.latitude_deg`.
     Latitude,
-    /// From a position in the recording.
+    /// Position in the recording.
     FixTopic,
     /// Standard gravity: nothing is known of the place.
     Standard,

@@ -1,4 +1,4 @@
-//! Initial guess of an accelerometer's calibration, good enough to tell which way up each rest was.
+//! Initial guess of an accelerometer's calibration, good enough to determine which way up each rest was.
 
 use nalgebra::Vector3;
 

@@ -24,8 +24,8 @@ pub fn exp(vector: &Vector3<f64>) -> Matrix3<f64> {
     exp_and_right_jacobian(vector).0
 }
 
-/// Right Jacobian: `exp(v + δ) ≈ exp(v) exp(right_jacobian(v) δ)` (Chirikjian, "Stochastic models, information theory, and
-/// Lie groups", vol. 2, 2012).
+/// Right Jacobian: `exp(v + δ) ≈ exp(v) exp(right_jacobian(v) δ)` (Chirikjian, "Stochastic models, information theory,
+/// and Lie groups", vol. 2, 2012).
 pub fn right_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     exp_and_right_jacobian(vector).1
 }
