@@ -1,5 +1,5 @@
-//! The file of a recording while its recorder writes it. It is only ever read, and looked at by polling, which every
-//! file system allows. What its bytes say is left to [`Scan`](crate::record::Scan).
+//! File of a recording that its recorder is still writing. It is only read, and checked by polling, which every file
+//! system allows. [`Scan`](crate::record::Scan) parses its bytes.
 
 use std::fs::{File, Metadata, TryLockError};
 use std::io;
@@ -12,10 +12,10 @@ use crate::pipeline::events::Ending;
 use crate::record::{CLOSING, is_closing};
 use crate::run::input::regular;
 
-/// Bytes in front of a place by which a file is known again.
+/// Number of bytes in front of an offset by which a file is recognised.
 const KNOWN: usize = 64;
 
-/// Clocks of file systems stand still for less than this.
+/// Upper bound of the resolution of a file system's clock.
 const TICK: Duration = Duration::from_millis(20);
 
 /// A file that may grow.
@@ -26,21 +26,21 @@ pub(crate) struct GrowingFile {
     /// Device and inode.
     id: (u64, u64),
     length: u64,
-    /// When it was written to last; `None` if that is so short ago that more may be written at the same time.
+    /// Time of the last write; `None` if it is so recent that another write may get the same time.
     written: Option<SystemTime>,
-    /// A place that was read through, and the bytes in front of it, which do not change any more.
+    /// An offset up to which all was read, and the bytes in front of it, which no longer change.
     known: (u64, Vec<u8>),
 }
 
-/// What became of a file since it was looked at last.
+/// Change of a file since the last look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Look {
     Same,
-    /// There is more, or the length of what was open has been filled in.
+    /// There are more bytes, or bytes within the known length were filled in.
     Grown,
-    /// Its name is gone, or stands for another file. What had been written is still there.
+    /// Its name is gone or belongs to another file. The bytes written before are still there.
     Unnamed(Ending),
-    /// What had been written is not there any more.
+    /// Bytes written before are gone.
     Lost,
 }
 
@@ -54,7 +54,7 @@ impl GrowingFile {
             }
             opened => opened.map_err(Error::io("read", path))?,
         };
-        // Nobody changes it in place while it is followed. Where locks are unknown, nobody does anyway.
+        // Nobody changes it in place while it is followed. Without lock support, nobody does anyway.
         if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
             return Err(Error::Busy(path.to_owned()));
         }
@@ -75,7 +75,7 @@ impl GrowingFile {
         &self.file
     }
 
-    /// Whether it has grown, if only in what its bytes say, or what else became of it.
+    /// Looks for new bytes, lost bytes, and a removed or replaced name.
     pub(crate) fn look(&mut self) -> Result<Look, Error> {
         let metadata = self.file.metadata().map_err(Error::io("read", &self.path))?;
         let (length, written) = (metadata.len(), written(&metadata));
@@ -84,18 +84,18 @@ impl GrowingFile {
         }
         if length > self.length || self.written.is_none() || written != self.written {
             (self.length, self.written) = (length, written);
-            // It may have been cut off and written anew since.
+            // It may have been truncated and rewritten since.
             return Ok(if self.is_known()? { Look::Grown } else { Look::Lost });
         }
         Ok(match std::fs::metadata(&self.path) {
             Ok(named) if id(&named) != self.id => Look::Unnamed(Ending::Replaced),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Look::Unnamed(Ending::Deleted),
-            // A file system that is out of reach comes back, or leaves the file idle.
+            // An unreachable file system comes back, or leaves the file idle.
             Ok(_) | Err(_) => Look::Same,
         })
     }
 
-    /// Fills `buffer` with the bytes from `offset` on; `false` if they are not there any more.
+    /// Fills `buffer` with the bytes from `offset` on; `false` if they are gone.
     pub(crate) fn read(&self, buffer: &mut [u8], offset: u64) -> Result<bool, Error> {
         match self.file.read_exact_at(buffer, offset) {
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
@@ -103,11 +103,11 @@ impl GrowingFile {
         }
     }
 
-    /// Everything in front of this byte has been read, and will not change; `false` if something did.
+    /// Marks everything in front of this byte as read and final; `false` if any of it changed.
     pub(crate) fn passed(&mut self, offset: u64) -> Result<bool, Error> {
         let mut bytes = vec![0; KNOWN.min(offset as usize)];
         let start = offset - bytes.len() as u64;
-        // In this order, so that what was written anew meanwhile is not taken for what was read.
+        // In this order, so that bytes rewritten meanwhile are not taken for those that were read.
         let passed = self.read(&mut bytes, start)? && self.is_known()?;
         if passed {
             self.known = (offset, bytes);
@@ -115,12 +115,12 @@ impl GrowingFile {
         Ok(passed)
     }
 
-    /// What the file is known again by.
+    /// Offset and bytes by which the file is recognised.
     pub(crate) fn known(&self) -> &(u64, Vec<u8>) {
         &self.known
     }
 
-    /// Takes over what it was known by. Whether it is the same file.
+    /// Takes over offset and bytes of an earlier run. Returns whether it is the same file.
     pub(crate) fn recognise(&mut self, known: &(u64, Vec<u8>)) -> Result<bool, Error> {
         self.known = known.clone();
         self.is_known()
@@ -133,7 +133,7 @@ impl GrowingFile {
         Ok(*offset <= self.length && self.read(&mut found, start)? && found == *bytes)
     }
 
-    /// Whether its last bytes are those that end a recording.
+    /// Whether its last bytes are the closing bytes of a recording.
     pub(crate) fn is_closed(&self) -> bool {
         let mut closing = [0; CLOSING];
         let start = self.length.checked_sub(CLOSING as u64);
@@ -142,10 +142,10 @@ impl GrowingFile {
     }
 }
 
-/// When a file was written to last, unless its next change could bear the same time.
+/// Time of the last write, unless the next write could get the same time.
 fn written(metadata: &Metadata) -> Option<SystemTime> {
     let modified = metadata.modified().ok()?;
-    // A time in the future is that of another machine's clock.
+    // A time in the future comes from another machine's clock.
     (!modified.elapsed().is_ok_and(|age| age < TICK)).then_some(modified)
 }
 

@@ -1,4 +1,4 @@
-//! Recordings on disk: one as the user names it, its files, and the reading of them.
+//! Recordings on disk: the input as the user names it, its files, and reading them.
 
 pub(crate) mod growing_file;
 mod prefetch;

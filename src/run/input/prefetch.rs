@@ -1,5 +1,5 @@
-//! Chunks opened ahead of the scan, by several threads, in the order of the file. What is made of them is left to the
-//! [`Scan`](crate::record::Scan), which says the same whoever opens its chunks.
+//! Chunks opened ahead of the scan by several threads, in file order. The [`Scan`](crate::record::Scan) gives the same
+//! events whoever opens its chunks.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -10,33 +10,34 @@ use crate::Error;
 use crate::record::{Chunk, Chunks, Inventory, Limits, Opened, Opener, Supply};
 use crate::run::input::recording::{Recording, Within};
 
-/// Small chunks are handed to a thread by so many bytes (256 KiB).
+/// Least bytes of small chunks that a thread gets at once (256 KiB).
 const BATCH: u64 = 256 << 10;
-/// Most bytes, compressed and not, that are being opened or wait for the scan (8 MiB: more would only leave the caches), unless one chunk has more.
+/// Most bytes, compressed and decompressed, that are being opened or wait for the scan (8 MiB: more would only leave
+/// the caches), unless one chunk alone has more.
 const ROOM: u64 = 8 << 20;
-/// Most chunks that are known of ahead.
+/// Most chunks that are queued.
 const CHUNKS: usize = 512;
 /// Longest head of a chunk that is opened ahead.
 const HEAD: u64 = 1 << 16;
 
-/// What is opened ahead.
+/// Chunks opened ahead, in the order in which the scan reaches them.
 pub(crate) struct Prefetch<'a> {
     recording: &'a Recording,
     limits: Limits,
     work: Sender<Job>,
     chunks: Chunks,
     queue: VecDeque<Coming>,
-    /// Bytes that the queue stands for.
+    /// Bytes that the queue takes, compressed and decompressed.
     held: u64,
     spare: Vec<Opened>,
 }
 
-/// A chunk that the scan will come to.
+/// A chunk that the scan has yet to reach.
 struct Coming {
     chunk: Chunk,
-    /// Where it comes from, in its turn, unless it is not to be read.
+    /// Channel that its opened bytes come from, in order; `None` if it is not opened ahead.
     done: Option<Rc<Receiver<Opened>>>,
-    /// Memory that it takes.
+    /// Memory that it takes, in bytes.
     cost: u64,
 }
 
@@ -46,7 +47,7 @@ pub(crate) struct Job {
     done: Sender<Opened>,
 }
 
-/// Opens chunks until there is nobody who might want more.
+/// Opens chunks until no more can be requested.
 pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, limits: Limits) {
     let mut opener = Opener::new(limits);
     loop {
@@ -54,7 +55,7 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, li
         let Ok(Job { chunks, done }) = job else { return };
         for (chunk, mut opened) in chunks {
             let room = opened.room(usize::try_from(chunk.length).unwrap_or_default());
-            // The scan will find out itself what cannot be read.
+            // The scan itself finds out which bytes cannot be read.
             if recording.read_exact_at(room, chunk.body().start).is_err() {
                 opened.room(0);
             }
@@ -67,14 +68,14 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, li
 }
 
 impl<'a> Prefetch<'a> {
-    /// Nothing yet; what is to be opened goes to `work`.
+    /// An empty queue that sends its jobs to `work`.
     pub(crate) fn new(recording: &'a Recording, limits: Limits, work: Sender<Job>) -> Self {
         let chunks = Chunks::new(0, recording.length());
         Self { recording, limits, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
     }
 
-    /// What becomes of the chunk at `offset`, where the recording was scanned so far. Whether chunks with messages on
-    /// certain channels need not be read is for `is_useless` to say, now for this one, and as a guess for those that
+    /// Supplies the chunk at `offset`, up to which the recording was scanned. `is_useless` tells whether chunks with
+    /// messages on certain channels may be skipped; its answer counts for this chunk, and is a guess for those that
     /// follow.
     pub(crate) fn supply(
         &mut self,
@@ -86,7 +87,7 @@ impl<'a> Prefetch<'a> {
         let may_pass = self.chunks.define_nothing_beyond(scanned, &mut Within(self.recording));
         let may_pass = may_pass.map_err(Error::reading(self.recording.path()))?;
         let is_useless = |channels: &[u16]| may_pass && is_useless(channels);
-        // The scan may pass over chunks that were found, and find others behind what is damaged.
+        // The scan may skip chunks that were found here, and find others behind damage.
         while self.queue.front().is_some_and(|coming| coming.chunk.offset < offset) {
             self.next();
         }
@@ -112,7 +113,7 @@ impl<'a> Prefetch<'a> {
         })
     }
 
-    /// Takes memory back.
+    /// Takes back memory to reuse.
     pub(crate) fn recycle(&mut self, opened: Opened) {
         if opened.size() as u64 <= ROOM / 2 {
             self.spare.push(opened);
@@ -134,7 +135,7 @@ impl<'a> Prefetch<'a> {
             let Some(chunk) = self.chunks.next(&mut Within(self.recording)).map_err(refused)? else { break };
             let useless = chunk.channels.as_ref().is_some_and(|channels| !channels.is_empty() && is_useless(channels));
             let Limits { chunk: longest, .. } = self.limits;
-            // What the scan will refuse is not opened at all.
+            // A chunk that the scan will refuse is not opened.
             let too_long = chunk.length > longest.saturating_add(HEAD) || chunk.inflated > longest;
             if useless || too_long || self.limits.exceeds_ratio(opened + self.held + chunk.inflated, chunk.offset) {
                 self.queue.push_back(Coming { chunk, done: None, cost: 0 });
@@ -156,7 +157,7 @@ impl<'a> Prefetch<'a> {
 
     fn hand_over(&self, batch: &mut Vec<(Chunk, Opened)>, done: Sender<Opened>) {
         if !batch.is_empty() {
-            // Without threads nothing comes back, and the scan reads all by itself.
+            // Without threads nothing comes back, and the scan opens every chunk itself.
             let _ = self.work.send(Job { chunks: std::mem::take(batch), done });
         }
     }

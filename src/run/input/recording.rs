@@ -1,4 +1,4 @@
-//! A recording on disk: opening it, and reading it through a scan. What its messages mean is left to the caller.
+//! A recording on disk: opening it and reading its bytes. The caller interprets its messages.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -12,23 +12,23 @@ use crate::Error;
 use crate::record::{self, Event, Inventory, Kind, Limits, Original, ReadAt, recognise, recognise_scanned};
 use crate::run::output::in_place::{self, Access};
 
-/// Reads of less would cost more than the bytes (1 MiB).
+/// Block size of reading; smaller reads would cost more than their bytes (1 MiB).
 const READ: usize = 1 << 20;
-/// To be called between pieces of work with the bytes of the recording that are done; an error gives the work up.
+/// Callback between pieces of work, given the number of bytes that are done; its error stops the work.
 pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
 
-/// A recording, wherever its bytes stand in the file.
+/// A recording, wherever its bytes are in the file.
 #[derive(Debug)]
 pub struct Recording {
     file: File,
     path: PathBuf,
     original: Original,
-    /// Length and time of the last change, when it was opened.
+    /// Length in bytes and modification time when it was opened.
     state: (u64, SystemTime),
 }
 
 impl Recording {
-    /// Opens a file. All of it is the recording.
+    /// Opens a file. The recording is all of it.
     ///
     /// # Errors
     ///
@@ -43,12 +43,12 @@ impl Recording {
         Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })
     }
 
-    /// A recording that is open already, and has this length.
+    /// A recording of this length whose file is already open.
     pub(crate) fn of_file(file: File, path: &Path, length: u64) -> Self {
         Self { file, path: path.to_owned(), original: Original::whole(length), state: (length, SystemTime::UNIX_EPOCH) }
     }
 
-    /// The original in it, if Stillpoint annotated it.
+    /// The original in the file, if Stillpoint annotated it.
     pub(crate) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         match self.kind()? {
             Kind::Annotated { original, .. } => {
@@ -64,7 +64,7 @@ impl Recording {
         Error::input(&self.path, "holds annotations alone; name the recording they belong to")
     }
 
-    /// Opens a file. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    /// Opens a file. The recording is the original in it if Stillpoint annotated it, else all of it.
     ///
     /// # Errors
     ///
@@ -87,7 +87,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
+    /// As [`open`](Self::open), and if the file holds no original, or was edited since.
     pub fn open_annotated(path: &Path) -> Result<Self, Error> {
         let file = Self::open(path)?;
         let mut kind = file.kind()?;
@@ -105,7 +105,7 @@ impl Recording {
         }
     }
 
-    /// What determined the annotations in the file, if Stillpoint wrote it and nobody touched it since.
+    /// Settings that determined the annotations in the file, if Stillpoint wrote it and nothing changed it since.
     pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
         Ok(match self.recognise(|bytes| recognise(bytes, self.length()))? {
             Kind::Annotated { settings, .. } | Kind::Sidecar { settings } => Some(settings),
@@ -113,7 +113,7 @@ impl Recording {
         })
     }
 
-    /// The original in an annotated recording that lost its end, which only a scan can tell.
+    /// The original in an annotated recording that lost its end, which only a scan can recognise.
     pub(crate) fn original_within(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         if self.original != Original::whole(self.length()) {
             return Ok(None);
@@ -124,7 +124,7 @@ impl Recording {
         }
     }
 
-    /// The same open file once more, which keeps its lock.
+    /// A second handle to the same open file; it keeps the lock.
     pub(crate) fn again(&self) -> Result<Self, Error> {
         let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
         Ok(Self { file, path: self.path.clone(), original: self.original.clone(), state: self.state })
@@ -146,12 +146,12 @@ impl Recording {
         }
     }
 
-    /// Whether its file is still as long and as old as when it was opened.
+    /// Whether length and modification time of its file are those from when it was opened.
     pub(crate) fn is_unchanged(&self) -> bool {
         state(&self.file).is_ok_and(|state| state == self.state)
     }
 
-    /// Refuses it if it is not.
+    /// Refuses the recording if its file changed since it was opened.
     pub(crate) fn check_unchanged(&self) -> Result<(), Error> {
         match self.is_unchanged() {
             true => Ok(()),
@@ -159,7 +159,7 @@ impl Recording {
         }
     }
 
-    /// Who wrote it, as far as its end tells.
+    /// Kind of the file, as far as its end tells.
     pub(crate) fn kind(&self) -> Result<Kind, Error> {
         self.recognise(|bytes| recognise(bytes, self.length()))
     }
@@ -168,22 +168,22 @@ impl Recording {
         look(&mut Bytes(&self.file)).map_err(Error::reading(&self.path))
     }
 
-    /// Where it is.
+    /// Path of its file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its length in bytes.
+    /// Length in bytes.
     pub fn length(&self) -> u64 {
         self.original.length()
     }
 
-    /// The file that its bytes stand in.
+    /// File that holds its bytes.
     pub(crate) fn file(&self) -> &File {
         &self.file
     }
 
-    /// Where in the file a range of the recording stands, one part behind the other.
+    /// Byte ranges of the file that hold a range of the recording, in order.
     pub(crate) fn parts(&self, range: Range<u64>) -> impl Iterator<Item = Range<u64>> + use<> {
         self.original.pieces(range)
     }
@@ -206,7 +206,7 @@ impl Recording {
         }
     }
 
-    /// Reads a range in blocks.
+    /// Reads a range block by block.
     ///
     /// # Errors
     ///
@@ -238,7 +238,7 @@ impl ReadAt for Bytes<'_> {
     }
 }
 
-/// The bytes of a recording, wherever they stand in its file.
+/// Bytes of a recording, wherever they are in its file.
 pub(crate) struct Within<'a>(pub(crate) &'a Recording);
 
 impl ReadAt for Within<'_> {

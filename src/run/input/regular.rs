@@ -1,5 +1,4 @@
-//! A regular file, opened without waiting: what stands under a name may be a FIFO that nobody writes, or a device without
-//! an end. What is in the file is left to the caller.
+//! A regular file, opened without blocking: a name may belong to a FIFO without a writer, or to an endless device.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _};
@@ -8,22 +7,22 @@ use std::path::Path;
 
 use rustix::fs::OFlags;
 
-/// Opens what a user names, wherever links lead.
+/// Opens a file that the user names, following links.
 pub(crate) fn open(path: &Path) -> io::Result<File> {
     checked(options().open(path)?)
 }
 
-/// The same, to be read and changed.
+/// Opens the same for reading and writing.
 pub(crate) fn open_to_change(path: &Path) -> io::Result<File> {
     checked(options().write(true).open(path)?)
 }
 
-/// Opens what Stillpoint wrote beside a recording. A link is none of it, nor is a file that has further names.
+/// Opens a file that Stillpoint wrote beside a recording. Refuses a link, and a file with further names (hard links).
 pub(crate) fn open_own(path: &Path) -> io::Result<File> {
     own(OpenOptions::new().read(true), path)
 }
 
-/// The same, to be read and changed.
+/// Opens the same for reading and writing.
 pub(crate) fn open_own_to_change(path: &Path) -> io::Result<File> {
     own(OpenOptions::new().read(true).write(true), path)
 }
@@ -40,7 +39,7 @@ fn own(options: &mut OpenOptions, path: &Path) -> io::Result<File> {
     }
 }
 
-/// All of a small file, refused if it is longer than `limit` bytes.
+/// Reads all of a small file; refuses one that is longer than `limit` bytes.
 pub(crate) fn read(file: File, limit: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.take(limit + 1).read_to_end(&mut bytes)?;
@@ -50,18 +49,18 @@ pub(crate) fn read(file: File, limit: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a small file that a user names (configuration, calibration): of at most 64 MiB.
+/// Reads the text of a small file that the user names (configuration, calibration), of at most 64 MiB.
 ///
 /// # Errors
 ///
-/// If it is no regular file, longer, or no text, or the system refuses.
+/// If it is not a regular file, too long or not UTF-8, or the system refuses.
 pub fn text(path: &Path) -> io::Result<String> {
     const LONGEST: u64 = 64 << 20;
     let bytes = read(open(path)?, LONGEST)?;
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text (UTF-8)"))
 }
 
-/// Whether a file is in the way that Stillpoint did not make.
+/// Whether the error says that a file in this place was not made by Stillpoint.
 pub(crate) fn is_foreign(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::InvalidInput
 }

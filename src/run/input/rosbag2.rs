@@ -1,5 +1,5 @@
-//! A rosbag2 recording: a folder whose `metadata.yaml` names the files that are one recording. What the files hold is
-//! left to [`Recording`](crate::run::input::recording::Recording).
+//! A rosbag2 recording: a folder whose `metadata.yaml` names the files of one recording.
+//! [`Recording`](crate::run::input::recording::Recording) reads the files.
 
 mod metadata;
 
@@ -12,22 +12,22 @@ use crate::record::{START, Topic, is_beginning};
 pub(crate) use metadata::Contents;
 use metadata::Metadata;
 
-/// What makes a folder a recording.
+/// File that makes a folder a recording.
 pub(crate) const METADATA: &str = "metadata.yaml";
-/// What that was before the recording was annotated, so that it can be had back.
+/// Copy of the metadata from before the recording was annotated, so that it can be restored.
 pub(crate) const ORIGINAL: &str = "metadata.original.yaml";
 
-/// A folder with a recording in it.
+/// A folder that holds a recording.
 #[derive(Clone, Debug)]
 pub(crate) struct Bag {
     folder: PathBuf,
-    /// Names of its files, in their order.
+    /// Names of its files, in order.
     files: Vec<String>,
-    /// Those behind the first in which nothing was recorded.
+    /// Files behind the first in which nothing was recorded.
     blank: Vec<String>,
-    /// `None` if its recorder did not finish it.
+    /// Metadata without annotations; `None` if the recorder did not finish the recording.
     original: Option<Metadata>,
-    /// Whether there are annotations in it.
+    /// Whether its files hold annotations.
     annotated: bool,
 }
 
@@ -48,7 +48,7 @@ impl Bag {
             return Err(Error::input(folder, why));
         }
         let now = read(folder, METADATA)?;
-        // One that names other files was left by something else.
+        // Metadata that names other files was left by something else.
         let before = if folder.join(ORIGINAL).exists() { Some(read(folder, ORIGINAL)?) } else { None };
         let before = before.filter(|before| before.files == now.files);
         let annotated = before.is_some();
@@ -76,32 +76,32 @@ impl Bag {
         Self { folder: folder.to_owned(), files, blank, original: None, annotated: false }
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Names of its files, in their order, without the blank ones.
+    /// Names of its files, in order, without the blank ones.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.files.iter().filter(|name| !self.blank.contains(name)).map(String::as_str)
     }
 
-    /// Names of files in which nothing was recorded. They belong to it all the same, and stay as they are.
+    /// Names of files in which nothing was recorded. They still belong to the recording and stay as they are.
     pub(crate) fn blank(&self) -> impl Iterator<Item = &str> {
         self.blank.iter().map(String::as_str)
     }
 
-    /// Whether there are annotations in it.
+    /// Whether its files hold annotations.
     pub(crate) fn is_annotated(&self) -> bool {
         self.annotated
     }
 
-    /// The `metadata.yaml` of the recording without annotations, if it has one.
+    /// The `metadata.yaml` of the recording without annotations, if there is one.
     pub(crate) fn original(&self) -> Option<&str> {
         self.original.as_ref().map(Metadata::text)
     }
 
-    /// The `metadata.yaml` of the recording with annotations, whose splits these are.
+    /// The `metadata.yaml` of the recording with annotations, whose splits have these contents.
     pub(crate) fn annotated(&self, splits: &[Contents], own: &[Topic]) -> Option<String> {
         let mut splits = splits.iter();
         let contents = |name| if self.blank.contains(name) { None } else { splits.next().cloned() };
@@ -110,13 +110,13 @@ impl Bag {
     }
 }
 
-/// Those of a recording's files, the first of which says whether it is one, that are empty or hold something else.
+/// Blank ones among a recording's files. The first is never one: it decides whether this is a recording at all.
 fn blank(folder: &Path, files: &[String]) -> Vec<String> {
     files.iter().skip(1).filter(|name| is_blank(&folder.join(name))).cloned().collect()
 }
 
-/// Whether a file is there and nothing was recorded in it: a recorder leaves it empty when it dies, and a power failure
-/// full of zeros.
+/// Whether a file exists in which nothing was recorded: a recorder that dies leaves it empty, a power failure full of
+/// zeros.
 pub(crate) fn is_blank(file: &Path) -> bool {
     if !file.is_file() {
         return false;
@@ -135,7 +135,8 @@ fn read(folder: &Path, name: &str) -> Result<Metadata, Error> {
     Metadata::parse(text).map_err(refused)
 }
 
-/// Whether a folder is one recording: its files are named after it, as rosbag2 does, or its `metadata.yaml` says so.
+/// Whether a folder is one recording: its files are named after it, as rosbag2 does, or its `metadata.yaml` is
+/// readable.
 pub(crate) fn is_one(folder: &Path) -> bool {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let number = |rest: &str| rest.strip_prefix('_').is_some_and(|n| n.bytes().all(|digit| digit.is_ascii_digit()));
@@ -157,12 +158,13 @@ pub(crate) fn has_original(folder: &Path) -> bool {
     folder.join(METADATA).exists() && folder.join(ORIGINAL).exists()
 }
 
-/// The files that a recorder says to have recorded into a folder, once it says so.
+/// Files that the `metadata.yaml` of a folder lists; `None` while it is missing or unusable.
 pub(crate) fn listed(folder: &Path) -> Option<Vec<String>> {
     read(folder, METADATA).ok().map(|metadata| metadata.files)
 }
 
-/// Names of the recordings in a folder, in their order: `bag_10` comes behind `bag_9`. What Stillpoint writes is none.
+/// Names of the recordings in a folder, in natural order: `bag_10` follows `bag_9`. Outputs of Stillpoint and hidden
+/// files are left out.
 pub(crate) fn files(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
@@ -172,7 +174,7 @@ pub(crate) fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Whether Stillpoint gives such names to files and folders.
+/// Whether Stillpoint gives such names to its files and folders.
 pub(crate) fn is_ours(name: &str) -> bool {
     let name = [".partial", ".replaced"].into_iter().find_map(|ending| name.strip_suffix(ending)).unwrap_or(name);
     [".annotated", ".annotated.mcap", ".stillpoint.mcap"].iter().any(|ending| name.ends_with(ending))

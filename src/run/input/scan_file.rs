@@ -1,4 +1,4 @@
-//! A recording on disk read through a scan. What its messages mean is left to the caller.
+//! A recording on disk, read through a scan. The caller interprets its messages.
 
 use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
@@ -9,15 +9,15 @@ use crate::record::{Event, Inventory, Limits, Scan};
 use crate::run::input::prefetch::{Prefetch, open_chunks};
 use crate::run::input::recording::{Recording, Watch};
 
-/// Reads of less would cost more than the bytes (1 MiB).
+/// Largest block to read; smaller reads would cost more than their bytes (1 MiB).
 const READ: usize = 1 << 20;
-/// How much is read behind a chunk at first (4 KiB).
+/// First block to read behind a chunk (4 KiB).
 const LEAST: usize = 4 << 10;
-/// More threads than this hardly read faster.
+/// Most threads; more hardly read faster.
 const THREADS: usize = 8;
 
 impl Recording {
-    /// Reads it within limits, passing on what the scan tells. Chunks are opened by several threads.
+    /// Scans the recording within limits and passes the events on. Several threads open the chunks.
     ///
     /// # Errors
     ///
@@ -30,7 +30,7 @@ impl Recording {
             let open =
                 |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self, limits)).is_ok();
             if (0..wanted).filter(open).count() == 0 {
-                // Nobody listens: the scan opens its chunks itself.
+                // No thread receives jobs: the scan opens its chunks itself.
                 *jobs.lock().unwrap_or_else(PoisonError::into_inner) = channel().1;
             }
             self.scan_with(Prefetch::new(self, limits, work), limits, watch, listener)
@@ -79,30 +79,31 @@ impl Recording {
     }
 }
 
-/// Whom a scan tells what it finds.
+/// Receiver of what a scan finds.
 pub trait Listener {
-    /// What was found; no [`Read`](Event::Read), [`Chunk`](Event::Chunk), [`Wait`](Event::Wait) or [`End`](Event::End).
+    /// Takes an event; never [`Read`](Event::Read), [`Chunk`](Event::Chunk), [`Wait`](Event::Wait) or
+    /// [`End`](Event::End).
     ///
     /// # Errors
-    ///
+    /// Any error, to stop the work.
     /// Anything, to give the work up.
     fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
 
-    /// Takes chunk indexes, and chunks whose message indexes are damaged. A fold will want both back.
+    /// Takes chunk indexes, and chunks with damaged message indexes. A fold needs both later.
     ///
     /// # Errors
-    ///
+    /// Any error, to stop the work.
     /// Anything, to give the work up.
     fn indexes(&mut self, _chunks: &[u8], _reindexed: &[u8]) -> Result<(), Error> {
         Ok(())
     }
 
-    /// Whether all of the recording is to be checked; then no chunk must be useless.
+    /// Whether the whole recording is to be checked; then no chunk may be useless.
     fn verifies(&self) -> bool {
         false
     }
 
-    /// Whether chunks with messages on these channels alone need not be read. Must not depend on chance.
+    /// Whether chunks with messages on these channels alone may be skipped. Must be deterministic.
     fn is_useless(&self, _channels: &[u16]) -> bool {
         false
     }

@@ -1,5 +1,5 @@
-//! One recording as the user names it: a file, several that are one, or a rosbag2 folder. Reading its files is left to
-//! [`Recording`], what they mean to the caller.
+//! One recording as the user names it: a file, several files that are one, or a rosbag2 folder. [`Recording`] reads its
+//! files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,27 +11,27 @@ use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::output::in_place::Access;
 use crate::run::output::reads::Reads;
 
-/// A recording: the files that it consists of, its splits, in the order of time.
+/// A recording: its files, called splits, in time order.
 #[derive(Debug)]
 pub struct Input {
     path: PathBuf,
     pub(crate) splits: Vec<Recording>,
     pub(crate) bag: Option<Bag>,
-    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    /// Names of its files in which nothing was recorded, and their damage.
     blank: Vec<(String, Damage)>,
 }
 
 impl Input {
-    /// Opens a file or rosbag2 folder. All that is in it is the recording.
+    /// Opens a file or rosbag2 folder. The recording is all of it.
     ///
     /// # Errors
     ///
-    /// If it is missing, empty, no recording, or may not be read.
+    /// If it is missing, empty, not a recording, or may not be read.
     pub fn open(path: &Path) -> Result<Self, Error> {
         Self::each(path, Recording::open)
     }
 
-    /// Opens a file or rosbag2 folder. The recording is the original in it, if Stillpoint annotated it, and else all of it.
+    /// Opens a file or rosbag2 folder. The recording is the original in it if Stillpoint annotated it, else all of it.
     ///
     /// # Errors
     ///
@@ -44,7 +44,7 @@ impl Input {
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open), and if there is no original in it, or it was edited since.
+    /// As [`open`](Self::open), and if it holds no original, or was edited since.
     pub fn open_annotated(path: &Path) -> Result<Self, Error> {
         let input = Self::each(path, Recording::open_annotated)?;
         match &input.bag {
@@ -55,7 +55,8 @@ impl Input {
         }
     }
 
-    /// The same, but a folder that its recorder has not finished consists of the files that are there.
+    /// As [`open_original`](Self::open_original), but a folder that its recorder has not finished consists of the files
+    /// that are there.
     pub(crate) fn as_it_is(path: &Path) -> Result<Self, Error> {
         if path.is_dir() && !rosbag2::is_finished(path) {
             return Self::all(Bag::unfinished(path), |file| Recording::open_original(file, Access::Read));
@@ -63,12 +64,12 @@ impl Input {
         Self::open_original(path, Access::Read)
     }
 
-    /// A recording that is open.
+    /// A recording that is already open.
     pub(crate) fn of(recording: Recording) -> Self {
         Self { path: recording.path().to_owned(), splits: vec![recording], bag: None, blank: Vec::new() }
     }
 
-    /// Opens files that are one recording: the originals in them, in the order of their first messages.
+    /// Opens files that are one recording: the originals in them, ordered by their first messages.
     ///
     /// # Errors
     ///
@@ -86,7 +87,7 @@ impl Input {
             let split = Recording::open_original(path, access)?;
             splits.push((split.first_log_time()?, split));
         }
-        // Those without messages stay where they were named, as far as that goes.
+        // Splits without messages go first, in the order in which they were named.
         splits.sort_by_key(|&(first, _)| first.unwrap_or_default());
         let splits = splits.into_iter().map(|(_, split)| split).collect();
         Ok(Self { path: paths.first().cloned().unwrap_or_default(), splits, bag: None, blank })
@@ -106,12 +107,12 @@ impl Input {
         Ok(Self { path, splits, bag: Some(bag), blank })
     }
 
-    /// Where it is: the folder, or the first of several files.
+    /// Path: the folder, or the first of several files.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its length in bytes, that of all files together.
+    /// Length of all files together, in bytes.
     pub fn length(&self) -> u64 {
         self.splits.iter().map(Recording::length).sum()
     }
@@ -121,18 +122,18 @@ impl Input {
         self.bag.is_some()
     }
 
-    /// Its files, without those in which nothing was recorded.
+    /// Paths of its files, without those in which nothing was recorded.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.splits.iter().map(Recording::path)
     }
 
-    /// What must not become an output of it.
+    /// Files that must not become an output of it.
     pub fn reads(&self) -> Reads {
         let folder = self.bag.iter().map(Bag::folder);
         Reads::of(self.splits.iter().map(Recording::path).chain(folder).chain([self.path()]))
     }
 
-    /// Names of the files of it in which nothing was recorded, and what is wrong with them.
+    /// Names of its files in which nothing was recorded, and their damage.
     pub(crate) fn blank(&self) -> &[(String, Damage)] {
         &self.blank
     }
@@ -160,26 +161,26 @@ impl Input {
         Ok(true)
     }
 
-    /// Names of the files, if there are several.
+    /// Names of its files if there are several, else none.
     pub(crate) fn split_names(&self) -> impl Iterator<Item = String> {
         let several = self.splits.len() > 1;
         let name = |split: &Recording| split.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.splits.iter().filter(move |_| several).map(name)
     }
 
-    /// What determined the annotations, if there are any in it.
+    /// Settings that determined the annotations, if it holds any.
     pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
         self.splits.first().map_or(Ok(None), Recording::settings)
     }
 
-    /// The same with another recording in the place of a split.
+    /// The same recording with another split in place of this one.
     pub(crate) fn with_split(&self, index: usize, split: Recording) -> Result<Self, Error> {
         let mut splits = self.splits.iter().map(Recording::again).collect::<Result<Vec<_>, _>>()?;
         splits.splice(index..=index, [split]);
         Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone(), blank: self.blank.clone() })
     }
 
-    /// Reads all of it within limits, split by split.
+    /// Scans all splits within limits, one after the other.
     ///
     /// # Errors
     ///
@@ -204,7 +205,7 @@ impl Input {
     }
 }
 
-/// What Stillpoint made of a recording.
+/// Kind of result that Stillpoint made of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Made {
     /// The recording with its annotations.
@@ -213,7 +214,7 @@ pub enum Made {
     Sidecar,
 }
 
-/// What Stillpoint made, if it made the file or folder of that name; `None` also where that cannot be told.
+/// Kind of the file or folder, if Stillpoint made it; `None` also where that cannot be told.
 pub fn made(path: &Path) -> Option<Made> {
     if path.is_dir() {
         return rosbag2::has_original(path).then_some(Made::Annotated);
@@ -225,7 +226,7 @@ pub fn made(path: &Path) -> Option<Made> {
     }
 }
 
-/// What is wrong with a file in which nothing was recorded, behind others in which something was.
+/// Damage of a file in which nothing was recorded, behind others with content.
 fn damage(file: &Path) -> Result<(String, Damage), Error> {
     let length = std::fs::metadata(file).map_err(Error::io("read", file))?.len();
     let what = match length {
@@ -236,9 +237,9 @@ fn damage(file: &Path) -> Result<(String, Damage), Error> {
     Ok((name, Damage { offset: 0, length, what: what.to_owned() }))
 }
 
-/// What is read of a recording.
+/// Step of reading a recording.
 pub(crate) enum Read<'a> {
     Event(Event<'a>),
-    /// A split has ended.
+    /// End of a split.
     SplitEnd,
 }

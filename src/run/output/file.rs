@@ -1,6 +1,5 @@
-//! Where a result goes: into a new file, into the recording itself, or nowhere, if it is there already.
-//!
-//! What the result consists of is left to [`record`](crate::record).
+//! Destination of a result: a new file, the recording itself, or an existing file to compare with.
+//! [`record`](crate::record) makes the content.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
@@ -17,10 +16,10 @@ use crate::run::output::partial::{Partial, is_end};
 use crate::run::output::reads::Reads;
 use crate::run::output::spill::Spill;
 
-/// Large enough for the kernel, small enough to stop between two (64 MiB).
+/// Bytes of one copy: large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;
 
-/// Takes a result, piece by piece.
+/// Receiver of a result, piece by piece.
 pub(crate) struct Output {
     path: PathBuf,
     medium: Medium,
@@ -28,30 +27,31 @@ pub(crate) struct Output {
 
 enum Medium {
     New(Partial),
-    /// What exists, and how far it equals the result.
+    /// An existing file, and the number of bytes that equal the result so far.
     Existing(File, u64),
-    /// The recording itself: where it changes, and all that is to follow, before anything is changed.
+    /// The recording itself: offset of the change, and all new bytes, staged before the file is touched.
     Itself(u64, File),
 }
 
-/// What became of an output.
+/// Outcome of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written {
-    /// It was written.
+    /// Written now.
     Now,
-    /// It existed, and is what would have been written.
+    /// It existed already, with the bytes that would have been written.
     Before,
 }
 
 impl Written {
-    /// Of two outputs together.
+    /// Outcome of two outputs together.
     pub(crate) fn and(self, other: Self) -> Self {
         if self == Self::Now { self } else { other }
     }
 }
 
 impl Output {
-    /// The output of that name. One that exists is replaced with `force`, unless it is read, and compared without.
+    /// Opens the output of that name. With `force`, an existing one is replaced, unless it is also read; else it is
+    /// compared.
     pub(crate) fn open(path: &Path, force: bool, reads: &Reads) -> Result<Self, Error> {
         let medium = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => {
@@ -62,7 +62,7 @@ impl Output {
                 let existing = in_place::open(path, Access::Read)?;
                 if force { Medium::New(Partial::create(path, reads)?) } else { Medium::Existing(existing, 0) }
             }
-            // A link that leads nowhere.
+            // A dangling link.
             Err(_) if !force && path.symlink_metadata().is_ok() => return Err(Error::Exists(path.to_owned())),
             Err(_) if force => Medium::New(Partial::create(path, reads)?),
             Err(_) => Medium::New(Partial::create_new(path)?),
@@ -70,7 +70,7 @@ impl Output {
         Ok(Self { path: path.to_owned(), medium })
     }
 
-    /// The file that the recording stands in, which must have been opened for [`Access::Change`].
+    /// The file of the recording as its own output; it must have been opened for [`Access::Change`].
     pub(crate) fn itself(recording: &Recording) -> Result<Self, Error> {
         in_place::check(recording.file(), recording.path())?;
         let path = recording.path().to_owned();
@@ -92,12 +92,12 @@ impl Output {
         Ok(())
     }
 
-    /// Where it is.
+    /// Path of the output.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Takes the first piece, the beginning of the recording, which was [copied ahead](Self::copy_ahead).
+    /// Takes the first piece, the beginning of the recording, [copied ahead](Self::copy_ahead).
     pub(crate) fn keep(&mut self, range: Range<u64>, recording: &Recording) -> Result<(), Error> {
         match &mut self.medium {
             Medium::New(partial) => {
@@ -107,7 +107,7 @@ impl Output {
             }
             Medium::Existing(..) => self.put(&Piece::Original(range), recording),
             Medium::Itself(from, _) => {
-                // What stands in its place already needs no change.
+                // What is in its place already needs no change.
                 let stays =
                     recording.parts(range.clone()).next().filter(|part| part.start == 0).map_or(0, |part| part.end);
                 *from = stays;
@@ -132,7 +132,7 @@ impl Output {
         }
     }
 
-    /// Takes the last pieces, with what stands in the place of [`Piece::Indexes`].
+    /// Takes the last pieces, with `indexes` in place of [`Piece::Indexes`].
     pub(crate) fn close(&mut self, pieces: Vec<Piece>, mut indexes: Spill, recording: &Recording) -> Result<(), Error> {
         for piece in pieces {
             match piece {
@@ -143,13 +143,13 @@ impl Output {
         Ok(())
     }
 
-    /// The result is complete.
+    /// Completes the result.
     pub(crate) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
         match self.medium {
             Medium::New(partial) => {
                 let written = partial.file().try_clone().map_err(Error::io("write", &self.path))?;
                 match partial.finish(sync) {
-                    // Somebody else came first, and may have written the same.
+                    // Another process came first, and may have written the same.
                     Err(Error::Exists(path)) if is_copy(&written, &path) => Ok(Written::Before),
                     finished => finished.map(|()| Written::Now),
                 }
@@ -167,7 +167,7 @@ impl Output {
     }
 }
 
-/// Whether a file holds the same bytes as the one with this name.
+/// Whether a file has the same bytes as the one of this name.
 fn is_copy(file: &File, path: &Path) -> bool {
     in_place::open(path, Access::Read).is_ok_and(|there| is_end(&there, 0, file).unwrap_or(false))
 }
@@ -176,12 +176,12 @@ fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()>
     match piece {
         Piece::Original(range) => copy(recording, range.clone(), to),
         Piece::Bytes(bytes) => to.write_all(bytes),
-        // Comes as bytes from where it is kept.
+        // Its bytes come from the spill.
         Piece::Indexes(_) => Ok(()),
     }
 }
 
-/// Between two files the kernel copies by itself, or shares the blocks where the file system can.
+/// Copies a range. Between two files the kernel copies by itself, or shares the blocks where the file system can.
 fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
     let mut from = recording.file();
     for part in recording.parts(range) {
@@ -194,7 +194,7 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
     Ok(())
 }
 
-/// Where the next piece must stand if `piece` stands at `at`; `None` if it does not.
+/// Offset of the next piece if the file has `piece` at `at`; `None` if it differs.
 fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
     let equal = |at: u64, bytes: &[u8]| {
         let mut found = vec![0; bytes.len()];

@@ -1,5 +1,4 @@
-//! A folder as a result: written under another name and renamed when all in it is whole, or compared with the one that
-//! is there. What is written into it is left to the caller.
+//! A folder as a result: written under another name and renamed when complete, or compared with the existing one.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -16,20 +15,20 @@ use crate::run::output::names::without_ending;
 use crate::run::output::partial::{Partial, folder_beside, rename_new, sync_folder};
 use crate::run::output::reads::Reads;
 
-/// A folder that is to be the result.
+/// A folder that becomes the result.
 #[derive(Debug)]
 pub(crate) struct Folder {
     path: PathBuf,
-    /// Where it is written, and what keeps others from doing so; nowhere if it is there already.
+    /// Temporary path that it is written to, and its lock against other runs; `None` if the folder exists already.
     new: Option<(PathBuf, File)>,
-    /// Whether one that has the name is replaced.
+    /// Whether an existing folder of that name is replaced.
     replaces: bool,
     reads: Reads,
     finished: bool,
 }
 
 impl Folder {
-    /// The folder of that name. One that exists is replaced with `force`, and compared without.
+    /// Opens the folder of that name. With `force`, an existing one is replaced; else it is compared.
     pub(crate) fn open(path: &Path, force: bool, reads: Reads) -> Result<Self, Error> {
         let exists = path.symlink_metadata().is_ok();
         if exists && !path.is_dir() {
@@ -52,7 +51,7 @@ impl Folder {
         self.new.as_ref().map_or(&self.path, |(place, _)| place)
     }
 
-    /// An output in it.
+    /// An output file in it.
     pub(crate) fn output(&self, name: &str) -> Result<Output, Error> {
         let path = self.place().join(name);
         match self.new.is_some() || path.exists() {
@@ -61,7 +60,7 @@ impl Folder {
         }
     }
 
-    /// A small file in it.
+    /// Writes a small file into it.
     pub(crate) fn put(&self, name: &str, text: &str, sync: bool) -> Result<(), Error> {
         let path = self.place().join(name);
         if self.new.is_some() {
@@ -73,7 +72,7 @@ impl Folder {
         }
     }
 
-    /// A file of a recording as it is.
+    /// Copies a file of a recording into it, unchanged.
     pub(crate) fn copy(&self, bag: &Bag, name: &str, sync: bool) -> Result<(), Error> {
         let (from, path) = (bag.folder().join(name), self.place().join(name));
         if self.new.is_some() {
@@ -89,7 +88,7 @@ impl Folder {
         }
     }
 
-    /// All that belongs into it is there.
+    /// Completes the folder.
     pub(crate) fn finish(mut self, sync: bool) -> Result<Written, Error> {
         let Some((place, _)) = &self.new else { return Ok(Written::Before) };
         let refused = |e| Error::io("write", &self.path)(e);
@@ -112,8 +111,8 @@ impl Folder {
         Ok(Written::Now)
     }
 
-    /// Takes the place of the folder that is there, which must hold one recording and nothing else. What was there is removed when this is
-    /// dropped, and by the next run if this one is killed.
+    /// Takes the place of the existing folder, which must hold one recording and nothing else. The old content is
+    /// removed when this is dropped, and by the next run if this one is killed.
     fn replace(&self, place: &Path) -> Result<(), Error> {
         let refused = |e| Error::io("write", &self.path)(e);
         let listed = rosbag2::listed(&self.path).unwrap_or_default();
@@ -128,7 +127,7 @@ impl Folder {
             }
         }
         match renameat_with(CWD, place, CWD, &self.path, RenameFlags::EXCHANGE) {
-            // Not every file system knows how.
+            // Not every file system supports this.
             Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
                 let aside = with_suffix(&self.path, ".replaced");
                 rename_new(&self.path, &aside).map_err(Error::io("write", &aside))?;
@@ -145,19 +144,19 @@ impl Drop for Folder {
         if let Some((place, _)) = self.new.take()
             && !self.finished
         {
-            // There is nobody to tell, and the next run takes over what could not be removed.
+            // The error has no receiver, and the next run removes what could not be removed.
             let _ = std::fs::remove_dir_all(place);
         }
     }
 }
 
-/// Writes a small file, whole or not at all.
+/// Writes a small file, completely or not at all.
 pub(crate) fn write(partial: Partial, text: &str, sync: bool) -> Result<(), Error> {
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", partial.target()))?;
     partial.finish(sync)
 }
 
-/// Whether there is nothing in a folder but what rosbag2 and we put there.
+/// Whether a folder holds only files that rosbag2 and Stillpoint write.
 fn is_recording(folder: &Path) -> bool {
     let Ok(mut entries) = std::fs::read_dir(folder) else { return false };
     entries.all(|entry| {

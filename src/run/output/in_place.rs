@@ -1,30 +1,29 @@
-//! Replacing the end of a file so that no crash loses it, and repairing a file on which a run was killed meanwhile.
-//!
-//! What is written is left to the caller, who has staged all of it before the file is touched.
+//! Replacing the end of a file so that no crash loses it, and repairing a file on which a run was killed meanwhile. The
+//! caller stages all new bytes before the file is touched.
 //!
 //! # Protocol
 //!
-//! The beginning of the file stays; what follows byte `from` is replaced. Beside `FILE` stands `FILE.stillpoint-backup`
-//! from before the first changed byte until after the last one is on the device:
+//! The beginning of the file stays; the bytes from offset `from` on are replaced. `FILE.stillpoint-backup` exists
+//! beside `FILE` from before the first changed byte until after the last one is on the device:
 //!
-//! 1. The backup (of which file, where the change begins, the old length, the old bytes from there on, checksums) is
-//!    written without a name, synced, named, and its folder synced. From here on, the old file can be had back.
-//! 2. The new bytes are written over the old, the length is set, the file is synced.
+//! 1. The backup (identity of the file, offset of the change, old length, old bytes from there on, checksums) is
+//!    written without a name, synced, named, and its folder synced. From here on, the old file can be restored.
+//! 2. The new bytes are written over the old ones, the length is set, the file is synced.
 //! 3. The backup is removed: **the commit**. Its folder is synced, so that it does not come back after a power failure.
 //!
-//! A backup that is found without anybody at work says that a run died between 1 and 3. Who only reads says so and
-//! changes nothing; who opens the file to change it takes the change back first. That too can be killed at any time,
-//! since it only ever writes what the backup says. An error within step 2, a full disk above all, is answered in the same
-//! way at once: the old bytes need no room that the file did not have.
+//! A backup without a process at work means that a run died between 1 and 3. A reader reports this and changes nothing;
+//! opening the file to change it undoes the change first. The undoing can be killed at any time, too, since it only
+//! writes what the backup holds. An error within step 2, typically a full disk, is undone in the same way at once: the
+//! old bytes need no more room than the file had.
 //!
-//! Anybody may put a file of that name beside a recording. A backup counts if it is a regular file under this one name,
-//! made by us or by who owns the recording, and tells the recording's own number (inode) and what precedes the change in
-//! it; the change never begins in front of the first record. Any other is left alone: reading goes on as if it were not
-//! there, and changing is refused, since its name is needed.
+//! Anybody may put a file of that name beside a recording. A backup counts only if it is a regular file with this
+//! single name, owned by root, by us or by the owner of the recording, and names the recording's own inode and the
+//! checksum of the bytes in front of the change; the change never begins before the first record. Any other file is
+//! left alone: reading ignores it, and changing is refused, since its name is needed.
 //!
-//! Who is at work is told by `flock`, which the system releases when a process dies: one process may change the file, or
-//! any number may read it. The file stays the same inode, so that owner, mode and extended attributes stay; one with
-//! further names (hard links) is refused, since a repair could not be found from them.
+//! `flock` tells who is at work; the system releases it when a process dies: one process may change the file, or any
+//! number may read it. The file keeps its inode, so that owner, mode and extended attributes stay. A file with further
+//! names (hard links) is refused, since a repair could not be found from them.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
@@ -38,34 +37,34 @@ use crate::Error;
 use crate::run::input::regular;
 use crate::run::output::partial::{Partial, sync_folder};
 
-/// What a backup begins with; another layout gets another number.
+/// First bytes of a backup; another layout gets another number.
 const MAGIC: &[u8; 16] = b"stillpointback02";
-/// Of magic, number of the file, place of the change, old length, three checksums.
+/// Length of the head in bytes: magic, inode, offset of the change, old length, three checksums.
 const HEAD: usize = 16 + 8 + 8 + 8 + 4 + 4 + 4;
-/// How much of what precedes the change is in the checksum, at either end (64 KiB).
+/// Bytes in front of the change that the checksum covers, at either end (64 KiB).
 const PRECEDING: u64 = 1 << 16;
 const BLOCK: usize = 1 << 20;
 
-/// What a file is opened for.
+/// Purpose that a file is opened for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Others may read it, too.
+    /// Reading; others may read it, too.
     Read,
-    /// Nobody else may.
+    /// Changing; nobody else may open it.
     Change,
 }
 
-/// Opens a file; to be changed, after taking back what a killed run left half done. It stays locked until it is closed.
+/// Opens a file and locks it until it is closed. Opening it to change undoes what a killed run left half done.
 ///
 /// # Errors
 ///
-/// If it is no regular file, the system refuses, another process is at work on it, it is to be read and a killed run left
-/// it half changed, or it cannot be repaired.
+/// If it is not a regular file, the system refuses, another process is at work on it, it is opened to read and a killed
+/// run left it half changed, or it cannot be repaired.
 pub(crate) fn open(path: &Path, access: Access) -> Result<File, Error> {
     match access {
         Access::Read => {
             let file = regular::open(path).map_err(|error| unreadable(path, error))?;
-            // Where locks are unknown, nobody changes a file in place either.
+            // Without lock support, nobody changes a file in place either.
             if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
                 return Err(Error::Busy(path.to_owned()));
             }
@@ -88,7 +87,7 @@ pub(crate) fn open(path: &Path, access: Access) -> Result<File, Error> {
     }
 }
 
-/// Takes back what a killed run left half done. Whether there was anything.
+/// Undoes what a killed run left half done. Returns whether there was anything.
 ///
 /// # Errors
 ///
@@ -97,7 +96,7 @@ pub fn take_back(path: &Path) -> Result<bool, Error> {
     repair(&lock(path)?, path)
 }
 
-/// Opens a file for nobody else.
+/// Opens a file to change it and locks out everybody else.
 fn lock(path: &Path) -> Result<File, Error> {
     let refused = |e| Error::io("change", path)(e);
     let file = regular::open_to_change(path).map_err(|error| match regular::is_foreign(&error) {
@@ -126,11 +125,11 @@ fn unreadable(path: &Path, error: io::Error) -> Error {
     }
 }
 
-/// Refuses a file that would change under other names, too.
+/// Refuses a file that would change under further names, too.
 ///
 /// # Errors
 ///
-/// If it has such names, or the system refuses to say so.
+/// If it has such names, or the system does not tell.
 pub(crate) fn check(file: &File, path: &Path) -> Result<(), Error> {
     let why = "has further names (hard links), under which it would change as well; use -o instead of --in-place";
     match file.metadata().map_err(Error::io("change", path))?.nlink() {
@@ -139,11 +138,11 @@ pub(crate) fn check(file: &File, path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Replaces what follows byte `from` of a file that was opened for [`Access::Change`].
+/// Replaces the bytes from offset `from` on, in a file that was opened for [`Access::Change`].
 ///
 /// # Errors
 ///
-/// If the system refuses; the file is as it was then, or will be when it is opened next.
+/// If the system refuses; the file is then as before, or will be when it is opened next.
 pub(crate) fn replace_end(file: &File, path: &Path, from: u64, staged: &File) -> Result<(), Error> {
     let refused = |e| Error::io("change", path)(e);
     check(file, path)?;
@@ -177,7 +176,7 @@ fn write_end(mut file: &File, from: u64, mut staged: &File) -> io::Result<()> {
     file.sync_all()
 }
 
-/// Beside the file itself, wherever links lead.
+/// Path of a file's backup: beside the file itself, with links resolved.
 fn backup_of(path: &Path) -> Option<PathBuf> {
     let path = path.canonicalize().ok()?;
     let mut name = path.file_name()?.to_owned();
@@ -185,16 +184,16 @@ fn backup_of(path: &Path) -> Option<PathBuf> {
     Some(path.with_file_name(name))
 }
 
-/// The old end of a file, in a file of its own.
+/// The old end of a file, saved in a file of its own.
 struct Backup {
     path: PathBuf,
     file: File,
-    /// Where the old bytes stood.
+    /// Range of the old bytes in the file.
     range: Range<u64>,
 }
 
 impl Backup {
-    /// Saves a range, through the end, of a file.
+    /// Saves a range that ends at the end of the file.
     fn write(path: &Path, file: &File, range: Range<u64>) -> Result<Self, Error> {
         let refused = |e| Error::io("write", path)(e);
         let partial = Partial::create_new(path)?;
@@ -218,7 +217,7 @@ impl Backup {
         Ok(Self { path: path.to_owned(), file: copy, range })
     }
 
-    /// What stands in the place of a file's backup: nothing, its backup, or why that is none.
+    /// Finds what has the name of a file's backup: nothing, the backup, or something else and why.
     fn find(of: &File, name: &Path) -> Result<Option<Result<Self, String>>, Error> {
         let Some(path) = backup_of(name) else { return Ok(None) };
         let foreign = |why: &str| Ok(Some(Err(format!("{} is not the backup of this file{why}", path.display()))));
@@ -233,7 +232,7 @@ impl Backup {
         }
     }
 
-    /// Where the bytes belong that a backup holds, if it is whole and that of `of`.
+    /// Range of the bytes that a backup holds, if it is complete and belongs to `of`.
     fn read(file: &File, of: &File) -> io::Result<Option<Range<u64>>> {
         let (kept, changed) = (file.metadata()?, of.metadata()?);
         let owner = rustix::process::geteuid().as_raw();
@@ -253,10 +252,10 @@ impl Backup {
         Ok(same.then_some(head.range))
     }
 
-    /// Puts the old bytes back, and removes the backup.
+    /// Restores the old bytes, and removes the backup.
     fn restore(&self, mut file: &File) -> io::Result<()> {
         let mut kept = &self.file;
-        // First room for what was there.
+        // First makes room for the old bytes.
         if file.metadata()?.len() > self.range.end {
             file.set_len(self.range.end)?;
         }
@@ -294,7 +293,7 @@ impl Head {
     }
 }
 
-/// The two ends of what stands in front of the change.
+/// The first and the last bytes in front of the change.
 fn preceding(start: u64) -> [Range<u64>; 2] {
     [0..start.min(PRECEDING), start.saturating_sub(PRECEDING)..start]
 }

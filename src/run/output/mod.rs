@@ -1,4 +1,4 @@
-//! Results on disk: files that appear when they are whole, and sidecars that grow.
+//! Results on disk: files that appear when they are complete, and sidecars that grow.
 
 pub(crate) mod file;
 pub(crate) mod folder;

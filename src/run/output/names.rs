@@ -1,12 +1,12 @@
-//! What results are called: names made of a recording's own, byte for byte, Unicode or not.
+//! Names of results, made of the recording's own name, byte for byte, Unicode or not.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 
-/// Where the result of a recording goes if nobody says: beside it, or into `folder`.
+/// Default path of a recording's result: beside it, or in `folder`.
 ///
-/// Annotating what was annotated before replaces the annotations, so that its name stays. A folder's result is a folder.
+/// Annotating again replaces the annotations, so an annotated recording keeps its name. A folder's result is a folder.
 pub fn default_output(input: &Path, is_folder: bool, folder: Option<&Path>, sidecar: bool) -> PathBuf {
     let whole = if is_folder { input.canonicalize().ok() } else { None };
     let whole = whole.unwrap_or_else(|| input.to_owned());
@@ -20,12 +20,12 @@ pub fn default_output(input: &Path, is_folder: bool, folder: Option<&Path>, side
             (false, false) => ".annotated.mcap",
         },
     );
-    // A folder may be named by where one stands in it.
+    // A folder may be named relative to the working directory, like `.`.
     let beside = if input.file_name().is_some() { input } else { &whole };
     folder.map_or_else(|| beside.with_file_name(&name), |folder| folder.join(&name))
 }
 
-/// A name without the first of these endings that it has; `None` if it has none.
+/// A name without the first of these endings that it has; `None` if it has none of them.
 pub(crate) fn without_ending<'a>(name: &'a OsStr, endings: &[&str]) -> Option<&'a OsStr> {
     endings.iter().find_map(|ending| name.as_bytes().strip_suffix(ending.as_bytes())).map(OsStr::from_bytes)
 }

@@ -1,11 +1,10 @@
-//! An output while it is being written: a file that gets its name when it is whole, and is made new.
+//! An output while it is being written: a new file that gets its name when it is complete. Dropped early, it leaves
+//! nothing behind.
 //!
-//! What is written is left to the caller. Dropped early, it leaves nothing behind.
-//!
-//! While it is written it has no name at all, where the file system can do that; else one that nobody can guess, and that
-//! nothing has. Either way nothing that stands beside the output is ever opened, written through or taken over. To take
-//! the place of a file it must have a name for an instant; one that was killed just then is known by its own number in
-//! its name, and swept away when the next takes the same place.
+//! While it is written it has no name at all, where the file system supports that; else an unguessable one that nothing
+//! else has. Either way nothing that exists beside the output is ever opened, written through or taken over. To replace
+//! a file it must have a name for an instant; the file of a run that was killed just then is recognised by its own
+//! inode in its name, and removed when the next run replaces the same file.
 
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
@@ -20,19 +19,19 @@ use super::reads::Reads;
 use crate::Error;
 use crate::run::input::regular;
 
-/// A file that gets its name when it is whole.
+/// A file that gets its name when it is complete.
 #[derive(Debug)]
 pub struct Partial {
     file: File,
-    /// Its name for now, if it has one.
+    /// Its temporary name, if it has one.
     path: Option<PathBuf>,
     target: PathBuf,
-    /// Whether what stands under the name in the end is replaced.
+    /// Whether an existing file of the final name is replaced.
     replaces: bool,
 }
 
 impl Partial {
-    /// An empty file that will stand under the name `target`, or not at all: what has the name stays.
+    /// Creates an empty file that gets the name `target` at the end, or none if that name is taken by then.
     ///
     /// # Errors
     ///
@@ -46,12 +45,12 @@ impl Partial {
             }
             file => (file.map_err(refused)?, None),
         };
-        // No sweep takes it while it is written. Where locks are unknown, nothing is swept.
+        // The lock keeps sweeps away while it is written. Without lock support, nothing is swept.
         let _ = file.try_lock();
         Ok(Self { file, path, target: target.to_owned(), replaces: false })
     }
 
-    /// The same, but it takes the place of what has the name, unless that is one of the files that were read.
+    /// The same, but it replaces an existing file of that name, unless that is one of the files that were read.
     ///
     /// # Errors
     ///
@@ -63,17 +62,17 @@ impl Partial {
         Ok(partial)
     }
 
-    /// What is written so far.
+    /// The file as written so far.
     pub fn file(&self) -> &File {
         &self.file
     }
 
-    /// Where it will be.
+    /// Final path.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Whether another file holds the same.
+    /// Whether another file has the same bytes.
     ///
     /// # Errors
     ///
@@ -82,7 +81,7 @@ impl Partial {
         is_end(&regular::open(other)?, 0, &self.file)
     }
 
-    /// Gives the whole file its name, on the device if asked to.
+    /// Gives the complete file its name; with `sync`, waits until both are on the device.
     ///
     /// # Errors
     ///
@@ -120,7 +119,7 @@ impl Partial {
 impl Drop for Partial {
     fn drop(&mut self) {
         if let Some(path) = &self.path {
-            // There is nobody to tell, and the next run sweeps away what could not be removed.
+            // The error has no receiver, and the next run removes what could not be removed.
             let _ = std::fs::remove_file(path);
         }
     }
@@ -130,19 +129,19 @@ impl Drop for Partial {
 fn unnamed(folder: &Path) -> io::Result<File> {
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
     let file = File::from(openat(CWD, folder, flags, Mode::from_raw_mode(0o666))?);
-    // Where it cannot be given one later, it is of no use.
+    // A file that cannot be named later is of no use.
     match place(&file).exists() {
         true => Ok(file),
         false => Err(Errno::OPNOTSUPP.into()),
     }
 }
 
-/// Whether a file system, or a kernel, knows no files without names.
+/// Whether the error says that the file system or kernel does not support files without names.
 fn cannot(error: &io::Error) -> bool {
     [Errno::OPNOTSUPP, Errno::ISDIR, Errno::INVAL].map(Errno::raw_os_error).contains(&error.raw_os_error().unwrap_or(0))
 }
 
-/// Gives a file without a name one that nothing has.
+/// Gives an unnamed file a name that nothing has.
 fn name(file: &File, path: &Path) -> io::Result<()> {
     Ok(linkat(CWD, place(file), CWD, path, AtFlags::SYMLINK_FOLLOW)?)
 }
@@ -152,7 +151,7 @@ fn place(file: &File) -> PathBuf {
     format!("/proc/self/fd/{}", file.as_raw_fd()).into()
 }
 
-/// A new file under a name that nothing has.
+/// Creates a file under a name that nothing has.
 fn named(target: &Path) -> io::Result<(File, PathBuf)> {
     let new = |path: &Path| {
         let flags = OFlags::NOFOLLOW.bits() as i32;
@@ -171,7 +170,7 @@ fn named(target: &Path) -> io::Result<(File, PathBuf)> {
 
 const ENDING: &str = ".partial";
 
-/// Gives a file a name that tells its own number, by which it is known to be ours.
+/// Gives a file a name that contains its own inode, which marks it as ours.
 fn temporary(target: &Path, give: impl Fn(&Path) -> io::Result<()>, file: &File) -> io::Result<PathBuf> {
     let mut start = prefix(target);
     start.push(format!("{:x}-", file.metadata()?.ino()));
@@ -179,7 +178,7 @@ fn temporary(target: &Path, give: impl Fn(&Path) -> io::Result<()>, file: &File)
     given.into_temp_path().keep().map_err(|kept| kept.error)
 }
 
-/// Removes what killed runs have left of a file or folder that was to be named `target`.
+/// Removes the leftovers of killed runs whose file or folder was to be named `target`.
 pub(crate) fn sweep(target: &Path) {
     let start = prefix(target);
     let Some(start) = start.to_str() else { return };
@@ -191,9 +190,9 @@ pub(crate) fn sweep(target: &Path) {
         if u64::from_str_radix(number, 16) != Ok(metadata.ino()) {
             continue;
         }
-        // One that is being written is locked.
+        // A file that is being written is locked.
         let free = File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
-        // What cannot be removed stays for the next run.
+        // Leftovers that cannot be removed stay for the next run.
         let _ = match metadata.file_type() {
             kind if kind.is_file() && free && metadata.nlink() == 1 => std::fs::remove_file(entry.path()),
             kind if kind.is_dir() && free => std::fs::remove_dir_all(entry.path()),
@@ -202,7 +201,7 @@ pub(crate) fn sweep(target: &Path) {
     }
 }
 
-/// What the names of files begin with that are to be named `target`.
+/// Prefix of temporary names for `target`.
 fn prefix(target: &Path) -> OsString {
     let mut name = OsString::from(".");
     name.push(target.file_name().unwrap_or_default());
@@ -210,7 +209,7 @@ fn prefix(target: &Path) -> OsString {
     name
 }
 
-/// A new, empty folder beside `target`, locked, under a name that nothing has.
+/// Creates an empty folder beside `target`, locked, under a name that nothing has.
 pub(crate) fn folder_beside(target: &Path) -> io::Result<(PathBuf, File)> {
     use std::os::unix::fs::PermissionsExt as _;
     sweep(target);
@@ -221,7 +220,7 @@ pub(crate) fn folder_beside(target: &Path) -> io::Result<(PathBuf, File)> {
     let lock = File::open(made.path())?;
     let _ = lock.try_lock();
     let known = temporary(target, |known| rename_new(made.path(), known), &lock)?;
-    // It has another name now.
+    // It has another name by now.
     let _ = made.keep();
     Ok((known, lock))
 }
@@ -230,7 +229,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether what follows byte `from` of a file is `end`.
+/// Whether the bytes of a file from offset `from` on equal `end`.
 pub(crate) fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
     let length = end.metadata()?.len();
     if file.metadata()?.len() != from + length {
@@ -252,10 +251,10 @@ pub(crate) fn is_end(file: &File, from: u64, end: &File) -> io::Result<bool> {
     Ok(true)
 }
 
-/// Gives a file a name that nothing has, in the place of the one it has.
+/// Renames a file to a name that nothing has.
 pub(crate) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-        // Not every file system knows how.
+        // Not every file system supports this.
         Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) if to.symlink_metadata().is_err() => {
             std::fs::rename(from, to)
         }
@@ -269,7 +268,7 @@ pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
 }
 
-/// Whether a file is what stands at a path.
+/// Whether a path names this very file, links not followed.
 pub(crate) fn same_file(file: &File, path: &Path) -> bool {
     let id = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
     file.metadata().map(id).ok().is_some_and(|ours| std::fs::symlink_metadata(path).map(id).ok() == Some(ours))
@@ -287,7 +286,7 @@ mod tests {
         names
     }
 
-    /// As where files without names are known, and where they are not.
+    /// One partial without a name and one with.
     fn both(target: &Path, replaces: bool) -> [Partial; 2] {
         let (file, path) = named(target).unwrap();
         let mut unnamed = Partial::create_new(target).unwrap();

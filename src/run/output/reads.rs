@@ -1,4 +1,4 @@
-//! The files that a command reads, by identity: none of them ever becomes its output, whatever name leads there.
+//! Files that a command reads, by identity: none of them ever becomes its output, whatever name leads to it.
 //!
 //! Every file that is replaced is replaced by a [`Partial`](super::Partial), which asks here.
 
@@ -14,12 +14,12 @@ use crate::Error;
 pub struct Reads {
     /// Device and inode, which all names of a file share.
     ids: BTreeSet<(u64, u64)>,
-    /// What may not be there yet has a name alone.
+    /// Paths, for files that may not exist yet.
     names: BTreeSet<PathBuf>,
 }
 
 impl Reads {
-    /// Files, and folders with all that is in them.
+    /// Collects files, and folders with all their entries.
     pub fn of<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut reads = Self::default();
         paths.into_iter().for_each(|path| reads.add(path.as_ref()));
@@ -36,13 +36,13 @@ impl Reads {
         }
     }
 
-    /// Whether a name leads to one of them.
+    /// Whether a path leads to one of them.
     pub fn contains(&self, path: &Path) -> bool {
         std::fs::metadata(path).is_ok_and(|found| self.ids.contains(&id(&found)))
             || name_of(path).is_some_and(|name| self.names.contains(&name))
     }
 
-    /// Refuses such a name for an output.
+    /// Refuses such a path for an output.
     ///
     /// # Errors
     ///
@@ -59,7 +59,7 @@ fn id(metadata: &Metadata) -> (u64, u64) {
     (metadata.dev(), metadata.ino())
 }
 
-/// The name of a file, wherever links in front of it lead.
+/// Path of a file with links in its folder resolved, but not in its own name.
 fn name_of(path: &Path) -> Option<PathBuf> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(folder.canonicalize().ok()?.join(path.file_name()?))

@@ -1,6 +1,5 @@
-//! Where the result of a recording goes: one file or folder, a file for each of several, or the recording itself.
-//!
-//! What the files consist of is left to [`annotate`](crate::run::annotate()).
+//! Destination of a recording's result: one file or folder, a file for each of several, or the recording itself.
+//! [`annotate`](crate::run::annotate()) makes the content.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +14,7 @@ use crate::run::output::options::{Form, Options};
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
 
-/// Takes the annotated splits of a recording, or its sidecar, one after the other.
+/// Receiver of the annotated splits of a recording, or of its sidecar, one after the other.
 pub(crate) struct OutputSet<'a> {
     input: &'a Input,
     path: PathBuf,
@@ -26,14 +25,14 @@ pub(crate) struct OutputSet<'a> {
 }
 
 enum Place {
-    /// Files that appear when all of them are whole.
+    /// Files that appear when all of them are complete.
     Files { next: std::vec::IntoIter<Output>, whole: Vec<Output> },
-    /// A folder that appears when all in it is whole.
+    /// A folder that appears when all its files are complete.
     Folder(Folder),
 }
 
 impl<'a> OutputSet<'a> {
-    /// For a sidecar, a single file or a folder there is one path, for several files one for each.
+    /// Opens the outputs: one path for a sidecar, a single file or a folder, one path each for several files.
     pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options) -> Result<Self, Error> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();
         let reads = input.reads();
@@ -51,12 +50,12 @@ impl<'a> OutputSet<'a> {
         Ok(Self { input, path, sync, in_place, place, written: Written::Before })
     }
 
-    /// A place on the disk that the result is written to.
+    /// A path on the disk that the result is written to.
     pub(crate) fn beside(&self) -> &Path {
         &self.path
     }
 
-    /// Where the next file goes.
+    /// Output of the next file.
     pub(crate) fn next(&mut self, index: usize) -> Result<Output, Error> {
         match &mut self.place {
             Place::Files { next, .. } => {
@@ -69,7 +68,7 @@ impl<'a> OutputSet<'a> {
         }
     }
 
-    /// A file is complete.
+    /// Takes a complete file.
     pub(crate) fn put(&mut self, output: Output, split: &Recording) -> Result<(), Error> {
         match &mut self.place {
             Place::Files { whole, .. } => whole.push(output),
@@ -78,7 +77,7 @@ impl<'a> OutputSet<'a> {
         Ok(())
     }
 
-    /// All files are complete, and this is what is in them.
+    /// Completes all files, whose contents are given.
     pub(crate) fn finish(self, contents: &[Contents], own: &[Topic]) -> Result<Written, Error> {
         let Self { input, sync, in_place, place, mut written, .. } = self;
         let described = input.bag.as_ref().and_then(|bag| Some((bag, bag.original()?, bag.annotated(contents, own)?)));
@@ -89,7 +88,7 @@ impl<'a> OutputSet<'a> {
                     // All of them, or none.
                     input.splits.iter().try_for_each(Recording::check_unchanged)?;
                 }
-                // Once the splits are annotated, nothing else tells what stood there.
+                // Once the splits are annotated, nothing else tells the old metadata.
                 if let Some((bag, original, _)) = &described {
                     let original_of = bag.folder().join(ORIGINAL);
                     folder::write(Partial::create(&original_of, &Reads::default())?, original, sync)?;

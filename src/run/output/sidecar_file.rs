@@ -1,6 +1,5 @@
-//! A sidecar on disk while it grows: whole at any time up to its last block, and locked against a second writer.
-//!
-//! What stands in it is left to [`record`](crate::record), when it can be taken up again to the caller.
+//! A growing sidecar on disk: valid at any time up to its last block, and locked against a second writer. The caller
+//! decides when to resume it.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -18,13 +17,13 @@ pub(crate) struct SidecarFile {
     path: PathBuf,
     file: File,
     length: u64,
-    /// What could not be written yet.
+    /// Bytes not written yet.
     pending: Vec<u8>,
 }
 
 impl SidecarFile {
-    /// Opens a sidecar as it is, or makes an empty one. The system releases the lock when the process ends, however it
-    /// does.
+    /// Opens an existing sidecar or creates an empty one. The system releases the lock when the process ends, for
+    /// whatever reason.
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
         let file = match OpenOptions::new().read(true).write(true).create_new(true).open(path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -52,19 +51,19 @@ impl SidecarFile {
         &self.file
     }
 
-    /// Of what is written.
+    /// Number of bytes written.
     pub(crate) fn length(&self) -> u64 {
         self.length
     }
 
-    /// Forgets what stands behind the first `length` bytes.
+    /// Drops all behind the first `length` bytes.
     pub(crate) fn cut(&mut self, length: u64) -> Result<(), Error> {
         self.pending.clear();
         self.length = length;
         self.file.set_len(length).map_err(Error::io("write", &self.path))
     }
 
-    /// Begins anew, in a new file: what was there is not written over.
+    /// Begins anew, in a new file: the old one is not overwritten.
     pub(crate) fn begin_anew(&mut self) -> Result<(), Error> {
         if self.length > 0 || !same_file(&self.file, &self.path) {
             self.remove()?;
@@ -73,12 +72,12 @@ impl SidecarFile {
         self.cut(0)
     }
 
-    /// Lets others at it: nothing more is written.
+    /// Releases the lock: nothing more is written.
     pub(crate) fn unlock(&self) -> Result<(), Error> {
         self.file.unlock().map_err(Error::io("unlock", &self.path))
     }
 
-    /// Removes the file, unless its name stands for another one by now.
+    /// Removes the file, unless its name belongs to another file by now.
     pub(crate) fn remove(&self) -> Result<(), Error> {
         match same_file(&self.file, &self.path) {
             true => std::fs::remove_file(&self.path).map_err(Error::io("remove", &self.path)),
@@ -86,17 +85,17 @@ impl SidecarFile {
         }
     }
 
-    /// Takes bytes; nothing is written before [`flush`](Self::flush).
+    /// Appends bytes; they are written by [`flush`](Self::flush).
     pub(crate) fn put(&mut self, bytes: &[u8]) {
         self.pending.extend_from_slice(bytes);
     }
 
-    /// Whether something could not be written yet.
+    /// Whether bytes are not written yet.
     pub(crate) fn has_pending(&self) -> bool {
         !self.pending.is_empty()
     }
 
-    /// Writes what it was given. What could not be written is written the next time.
+    /// Writes the pending bytes. If that fails, the next call tries again.
     pub(crate) fn flush(&mut self) -> Result<(), Error> {
         if self.pending.is_empty() {
             return Ok(());
@@ -111,7 +110,7 @@ impl SidecarFile {
         Ok(())
     }
 
-    /// The blocks that are written, of these topics, one after the other.
+    /// The written blocks of these topics, one after the other.
     pub(crate) fn blocks<'a>(&'a self, topics: &'a [Topic]) -> impl FnMut() -> Result<Option<Block>, Error> + 'a {
         let mut blocks = SidecarBlocks::new(self.length);
         let mut file = FileBytes(&self.file);

@@ -1,4 +1,4 @@
-//! What would grow with the recording, kept in an unnamed file until it is needed. What it is, is left to the caller.
+//! Bytes that would grow with the recording, kept in an unnamed file until they are needed.
 
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -7,19 +7,19 @@ use tempfile::SpooledTempFile;
 
 use crate::Error;
 
-/// So much stays in memory (256 KiB): most recordings need no file at all.
+/// Most bytes kept in memory (256 KiB): most recordings need no file at all.
 const ROOM: usize = 256 << 10;
 
-/// Bytes, appended first and then read back from the beginning.
+/// Bytes that are appended first and then read back from the beginning.
 pub(crate) struct Spill {
     file: SpooledTempFile,
-    /// Beside which it is.
+    /// Path beside which the file is.
     path: PathBuf,
     length: u64,
 }
 
 impl Spill {
-    /// An empty one, on the disk of `path`, which nothing is left on.
+    /// An empty one on the disk of `path`; it leaves nothing behind.
     pub(crate) fn beside(path: &Path) -> Self {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Self { file: tempfile::spooled_tempfile_in(ROOM, folder), path: path.to_owned(), length: 0 }
@@ -45,7 +45,7 @@ impl Spill {
         self.push(bytes)
     }
 
-    /// Goes back to the beginning.
+    /// Rewinds to the beginning.
     ///
     /// # Errors
     ///
@@ -54,7 +54,7 @@ impl Spill {
         self.file.rewind().map_err(Error::io("read beside", &self.path))
     }
 
-    /// Passes all bytes on, in pieces.
+    /// Passes all bytes on, block by block.
     ///
     /// # Errors
     ///

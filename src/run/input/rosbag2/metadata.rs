@@ -1,5 +1,5 @@
-//! A rosbag2 recording's `metadata.yaml`: which files there are, and the same again with the annotations in it. What it
-//! says beside that stays as it is. Reading and writing the file is left to [`Bag`](super::Bag).
+//! The `metadata.yaml` of a rosbag2 recording: its file names, and the same document with the annotations in it. All
+//! other content stays as it is. [`Bag`](super::Bag) reads and writes the file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,17 +13,17 @@ use crate::topic;
 /// The only key of the document.
 const ROOT: &str = "rosbag2_bagfile_information";
 
-/// What is used of a `metadata.yaml`.
+/// Used content of a `metadata.yaml`.
 #[derive(Clone, Debug)]
 pub(super) struct Metadata {
     text: String,
-    /// All of it.
+    /// Content of the root key.
     info: Value,
-    /// Names of the splits, in their order.
+    /// Names of the splits, in order.
     pub(super) files: Vec<String>,
 }
 
-/// What is in one split of the result.
+/// Contents of one split of the result.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Contents {
     /// First and last log time, in nanoseconds.
@@ -33,7 +33,7 @@ pub(crate) struct Contents {
 }
 
 impl Metadata {
-    /// Understands a `metadata.yaml`; why it cannot be used is told in words.
+    /// Parses a `metadata.yaml`; the error says why it cannot be used.
     pub(super) fn parse(text: String) -> Result<Self, String> {
         let unknown = |why: &str| format!("its metadata.yaml is none ({why}); name the .mcap files in it");
         let document = serde_saphyr::from_str::<Value>(&text);
@@ -57,7 +57,7 @@ impl Metadata {
             return Err(format!("its {how} ({format}); decompress it with `ros2 bag convert`"));
         }
         let paths = info.get("relative_file_paths").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
-        // Early versions put the name of the folder in front.
+        // Early versions put the folder name in front.
         let name = |path: &Value| Some(Path::new(path.as_str()?).file_name()?.to_str()?.to_owned());
         let files: Option<Vec<String>> = paths.iter().map(name).collect();
         let files = files
@@ -66,12 +66,12 @@ impl Metadata {
         Ok(Self { text, info, files })
     }
 
-    /// The document as it stands.
+    /// Text of the document, unchanged.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
 
-    /// The document for the annotated splits.
+    /// Text of the document for the annotated splits.
     pub(super) fn annotated(&self, splits: &[Contents], own: &[Topic]) -> String {
         let mut all = Contents::default();
         splits.iter().for_each(|split| all.add(split));
@@ -101,7 +101,7 @@ impl Metadata {
         let new = own.iter().filter(|topic| !listed.contains(&topic.name));
         let described = |topic: &Topic| {
             let mut described = describe_topic(topic, version);
-            // Who subscribes to the source subscribes to what is corrected.
+            // A subscriber to the source topic also subscribes to the corrected one.
             let source = topic::corrected_imu(&topic.name);
             let source = source.and_then(|source| topics.iter().find(|listed| name(listed) == source));
             if let Some(offered) = source.and_then(|source| source["topic_metadata"].get("offered_qos_profiles")) {
@@ -117,7 +117,7 @@ impl Metadata {
 }
 
 impl Contents {
-    /// Of a split without its annotations.
+    /// Contents of a split without its annotations.
     pub(crate) fn of(inventory: &Inventory) -> Self {
         let mut counts = BTreeMap::new();
         for (&id, channel) in inventory.channels() {
@@ -126,7 +126,7 @@ impl Contents {
         Self { span: inventory.span(), counts }
     }
 
-    /// Takes in annotations.
+    /// Adds the annotations of a block.
     pub(crate) fn count(&mut self, topics: &[Topic], block: &Block) {
         for topic in block.annotations.iter().filter_map(|annotation| topics.get(annotation.topic)) {
             match self.counts.get_mut(&topic.name) {
@@ -146,7 +146,7 @@ impl Contents {
         };
     }
 
-    /// Number of messages and times, of the recording or of one of its files.
+    /// Writes message count, duration and start time of the recording or of one of its files.
     fn describe(&self, node: &mut Value) {
         node["message_count"] = json!(self.counts.values().sum::<u64>());
         if let Some((from, until)) = self.span {
@@ -156,7 +156,7 @@ impl Contents {
     }
 }
 
-/// A topic of ours, as rosbag2 writes it in this version of the file (`rosbag2_storage/yaml.hpp`).
+/// A topic of Stillpoint as rosbag2 writes it in this version of the file (`rosbag2_storage/yaml.hpp`).
 fn describe_topic(topic: &Topic, version: u64) -> Value {
     let mut described = json!({
         "name": topic.name,
