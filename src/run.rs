@@ -1,6 +1,4 @@
-//! The shell: files, threads and signals live here and nowhere else.
-//!
-//! What the bytes mean is left to the layers beneath, which know none of these.
+//! The shell: files, threads and signals live here and nowhere else. The layers beneath interpret the bytes.
 
 mod batch;
 mod gather;

@@ -1,6 +1,6 @@
 //! The batch path: a finished recording in, an annotated recording or a sidecar out.
 //!
-//! Learning from it is left to [`split_learner`], writing to [`annotated_writer`]; what is said about it to the commands.
+//! [`split_learner`] learns, [`annotated_writer`] writes.
 
 mod annotated_writer;
 mod split_learner;
@@ -30,27 +30,28 @@ use crate::run::output::file::Written;
 pub use crate::run::output::options::{Form, Options};
 pub(super) use crate::run::output::set::OutputSet;
 
-/// What was found in a recording.
+/// Findings of a recording.
 #[derive(Debug)]
 pub struct Report {
-    /// The IMUs, and what was learned of each.
+    /// The IMUs and their findings.
     pub imus: Vec<Findings>,
-    /// Every channel, and what it was used for.
+    /// Every channel and its use.
     pub channels: Vec<(Channel, ChannelRole)>,
-    /// What was refused or missed, one line each.
+    /// Refused or missing parts, one line each.
     pub notes: Vec<String>,
-    /// What is wrong with the recording: the first hundred damages.
+    /// Damage of the recording: the first hundred places.
     pub damage: Vec<Damage>,
-    /// How many damages there are.
+    /// Number of damaged places.
     pub damages: u64,
-    /// Messages in the recording.
+    /// Number of messages in the recording.
     pub messages: u64,
 }
 
-/// Annotates a recording into `outputs`: one path, or for several files that are one recording a path for each, unless
-/// the annotations are written alone. In place, the paths do not matter.
+/// Annotates a recording into `outputs`: one path, or one path per file for several files that are one recording,
+/// unless only the annotations are written. In place, the paths do not matter.
 ///
-/// Each split is annotated with what was learned while it was read; what is open at the end goes into the last one.
+/// Each split is annotated with what was learned while it was read; findings that are open at the end go into the last
+/// one.
 ///
 /// # Errors
 ///
@@ -65,7 +66,7 @@ pub fn annotate(
     annotate_in_order(input, outputs, config, options, watch, None)
 }
 
-/// The same, with messages of these channels in the order of their log times.
+/// The same, with messages of these channels in log-time order.
 fn annotate_in_order(
     input: &Input,
     outputs: &[PathBuf],
@@ -82,7 +83,7 @@ fn annotate_in_order(
     let mut kept = Kept::beside(target.beside());
     let mut lesson = SplitLearner::new(input, config, options, order);
     let mut profile = None;
-    // Splits that what is learned of later ones is to be written into.
+    // Splits that await the final calibration before they are written.
     let mut drafts = Vec::new();
     for (index, split) in input.splits.iter().enumerate() {
         let done = lesson.done;
@@ -109,7 +110,7 @@ fn annotate_in_order(
             drop((output, drafts, sidecar, target));
             return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
         }
-        // In place, what has been written of earlier splits stays.
+        // In place, earlier splits that have been written stay.
         if let Some(apart) = lesson.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
             drop((output, drafts, sidecar, target));
             return annotate_in_order(input, outputs, config, options, watch, Some(apart));
@@ -150,15 +151,15 @@ fn annotate_in_order(
 /// A split that was read while it was recorded.
 pub(super) struct Followed<'a> {
     pub(super) inventory: &'a Inventory,
-    /// How many topics of annotations there were at its end.
+    /// Number of annotation topics at its end.
     pub(super) topics: usize,
-    /// How many blocks of annotations it got.
+    /// Number of its annotation blocks.
     pub(super) blocks: u64,
     pub(super) indexes: Indexes,
 }
 
-/// Writes what was learned from a recording while it was recorded, as [`annotate`] writes what it learned itself. The
-/// blocks of all splits come from `next`, in their order.
+/// Writes what was learned from a growing recording, in the same way as [`annotate`]. `next` supplies the blocks of all
+/// splits in order.
 pub(super) fn fold(
     input: &Input,
     followed: Vec<Followed<'_>>,
@@ -200,7 +201,7 @@ pub(super) fn fold(
     Ok((report, target.finish(&contents, all)?))
 }
 
-/// Learns from a recording, and writes nothing.
+/// Learns from a recording without writing anything.
 ///
 /// # Errors
 ///
@@ -229,7 +230,7 @@ fn calibrate_in_order(
     Ok(Report::new(lesson.learner.finish(&mut |_| {}), lesson.messages))
 }
 
-/// What determines the bytes of the annotations.
+/// Settings that determine the bytes of the annotations.
 pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
     BTreeMap::from([
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
@@ -237,8 +238,8 @@ pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
     ])
 }
 
-/// Reads the recording again, and corrects its messages by the last calibrations; what is to be written, and into which
-/// split, is told to `keep`.
+/// Reads the recording again and corrects its messages by the last calibrations. `keep` receives each block and the
+/// index of its split.
 fn correct_all(
     input: &Input,
     config: &Config,
@@ -280,7 +281,7 @@ impl Report {
         Self { imus, channels, notes, damage, damages, messages }
     }
 
-    /// Of what was read of each split.
+    /// Report of a recording that was followed, with the message count of its splits.
     pub(super) fn of<'a>(read: impl Iterator<Item = &'a Inventory>, learned: &Learned) -> Self {
         let messages = |read: &Inventory| read.channels().keys().map(|&id| read.messages(id)).sum::<u64>();
         Self {
@@ -294,7 +295,7 @@ impl Report {
     }
 }
 
-/// Hears a split that is corrected.
+/// Listener to a split that is corrected.
 struct Correcting<'p, 'a, K> {
     pass: &'p mut CorrectionPass<'a>,
     keep: K,

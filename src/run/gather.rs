@@ -1,4 +1,4 @@
-//! What a recording on disk says of its sensors, as evidence that adds up.
+//! Evidence that a recording on disk gives of its sensors, ready to be merged.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,35 +11,35 @@ use crate::run::input::recording::Watch;
 use crate::run::input::splits::Input;
 use crate::run::inspect::findings;
 
-/// What tells sensors apart.
+/// Properties that distinguish sensors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SensorKey(Vec<Part>);
 
-/// One thing that does.
+/// One such property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Topic,
     Name,
     FrameId,
-    /// The one that the recording is in.
+    /// Name of the folder that holds the recording.
     Folder,
 }
 
 /// Evidence of one recording.
 #[derive(Debug)]
 pub struct Gathered {
-    /// What it says of its sensors.
+    /// Evidence of its sensors.
     pub evidence: Merge,
-    /// How many damages it has.
+    /// Number of damaged places.
     pub damages: u64,
 }
 
 impl SensorKey {
-    /// Reads parts that are separated by commas.
+    /// Parses properties separated by commas.
     ///
     /// # Errors
     ///
-    /// If one of them is none.
+    /// If one of them is unknown.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let part = |name: &str| match name.trim() {
             "topic" => Ok(Part::Topic),
@@ -53,7 +53,7 @@ impl SensorKey {
         text.split(',').map(part).collect::<Result<_, _>>().map(Self)
     }
 
-    /// The key of an IMU in the recording on this path.
+    /// Key of an IMU in the recording at this path.
     fn of(&self, path: &Path, imu: &Findings) -> String {
         let part = |part: &Part| match part {
             Part::Topic => imu.topic.clone(),
@@ -69,7 +69,7 @@ impl SensorKey {
     }
 }
 
-/// Reads what is known of a recording or sidecar; of a raw recording, learns it first.
+/// Gathers the findings of a recording or sidecar; a raw recording is learned first.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! What stands in a recording, for people: its topics, what it taught, and the original in an annotated one.
+//! Contents of a recording, for people: its topics, its findings, and the original in an annotated one.
 
 mod findings;
 mod look;

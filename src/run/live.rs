@@ -1,8 +1,8 @@
-//! Recordings while they are followed, for viewers that speak the Foxglove WebSocket protocol: the messages that are used
-//! and everything that is learned. What happens is left to [`tail`](super::tail()), which tells the [`News`].
+//! Server for viewers of the Foxglove WebSocket protocol: it shows the used messages and all findings of recordings
+//! while they are followed. [`tail`](super::tail()) reports the [`News`].
 //!
-//! No viewer can hold a tail up. Each has a queue of its own, and a slow one loses its oldest messages; one that takes
-//! nothing at all for many seconds is let go.
+//! No viewer can delay a tail. Each has its own queue, and a slow one loses its oldest messages; one that takes nothing
+//! at all for many seconds is disconnected.
 
 mod door;
 mod gate;
@@ -28,7 +28,7 @@ use crate::Error;
 use queue::Queue;
 use shared::{Last, Shared};
 
-/// A server that viewers connect to. It stops when it is dropped.
+/// A server that viewers connect to. It stops when dropped.
 pub struct Live {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -38,7 +38,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Listens on an address for what viewers may do; port 0 is any that is free.
+    /// Listens on an address, within the limits for viewers; port 0 takes any free port.
     ///
     /// # Errors
     ///
@@ -62,7 +62,7 @@ impl Live {
                 .start_blocking()
         };
         let host = gate::unguessable();
-        // Not every system gives a machine more than one address of its own.
+        // Not every system gives a machine more than one loopback address.
         let (host, served) = match serve(host) {
             Err(_) => (Ipv4Addr::LOCALHOST, serve(Ipv4Addr::LOCALHOST)),
             served => (host, served),
@@ -89,12 +89,12 @@ impl Live {
         Ok(Self { address, shared, publisher: Some(publisher), runtime: Some(runtime) })
     }
 
-    /// Where it listens.
+    /// Address that it listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// A recording that is about to be followed.
+    /// Session of a recording that is about to be followed.
     pub fn session(&self) -> Session<'_> {
         Session::new(&self.shared)
     }
@@ -109,10 +109,10 @@ impl fmt::Debug for Live {
 impl Drop for Live {
     fn drop(&mut self) {
         self.shared.queue.close();
-        // It is of no matter here whether it panicked.
+        // A panic of the publisher does not matter here.
         let _ = self.publisher.take().map(JoinHandle::join);
         if let Some(runtime) = self.runtime.take() {
-            // Viewers are not told, and see the connection end.
+            // Viewers get no notice; their connection ends.
             runtime.shutdown_background();
         }
     }

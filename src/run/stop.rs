@@ -1,4 +1,4 @@
-//! The wish to stop, carried from a signal to whoever works. How the program then exits is left to it.
+//! Request to stop, carried from a signal to the work in progress.
 
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -6,18 +6,18 @@ use std::time::{Duration, Instant};
 
 use crate::Error;
 
-/// Shared by all who work; clones are the same wish.
+/// A stop request, shared by all work; clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Stop {
     signal: Arc<AtomicU8>,
-    /// When this work asked last, in milliseconds of the process.
+    /// Time of the last check by this work, in milliseconds of the process.
     asked: Arc<AtomicU64>,
-    /// How long this work may take, and until when.
+    /// Time limit of this work, and the instant when it ends.
     limit: Option<(Duration, Instant)>,
 }
 
 impl Stop {
-    /// Waits for SIGINT (Ctrl-C) or SIGTERM, then asks to stop.
+    /// Waits for SIGINT (Ctrl-C) or SIGTERM, then requests to stop.
     pub async fn on_signal(self) {
         let signal = tokio::select! {
             Ok(()) = tokio::signal::ctrl_c() => 2,
@@ -26,7 +26,7 @@ impl Stop {
         self.signal.store(signal, Ordering::Relaxed);
     }
 
-    /// Waits until somebody has wished to stop for so long, and the wish was not met.
+    /// Waits until a stop request has stayed unanswered for `patience`; returns its signal.
     pub async fn overdue(&self, patience: Duration) -> u8 {
         loop {
             tokio::time::sleep(Duration::from_millis(50)).await;
@@ -39,32 +39,32 @@ impl Stop {
         }
     }
 
-    /// The same wish, for work of its own that may take so long.
+    /// The same request, for a piece of work with its own time limit.
     pub fn of_work(&self, limit: Option<Duration>) -> Self {
         let limit = limit.and_then(|limit| Some((limit, Instant::now().checked_add(limit)?)));
         Self { signal: self.signal.clone(), asked: Arc::new(now().into()), limit }
     }
 
-    /// How long ago this work asked last.
+    /// Time since the last check by this work.
     pub fn silence(&self) -> Duration {
         Duration::from_millis(now().saturating_sub(self.asked.load(Ordering::Relaxed)))
     }
 
-    /// The signal that asked to stop, if one did.
+    /// Signal that requested to stop, if one did.
     pub fn signal(&self) -> Option<u8> {
         Some(self.signal.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
 
-    /// The wish was met, and is no reason to end otherwise than usual.
+    /// Marks the request as answered, so that the program exits as usual.
     pub fn answered(&self) {
         self.signal.store(0, Ordering::Relaxed);
     }
 
-    /// To be asked between pieces of work.
+    /// Checks for a stop request; to be called between pieces of work.
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] once a signal asked to stop, [`Error::Overdue`] once this work has taken too long.
+    /// [`Error::Stopped`] once a signal requested to stop, [`Error::Overdue`] once this work has taken too long.
     pub fn check(&self) -> Result<(), Error> {
         self.asked.store(now(), Ordering::Relaxed);
         match self.limit {
@@ -75,7 +75,7 @@ impl Stop {
     }
 }
 
-/// Milliseconds since the process first asked.
+/// Milliseconds since the first call in this process.
 fn now() -> u64 {
     static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
     BEGAN.elapsed().as_millis() as u64

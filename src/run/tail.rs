@@ -1,8 +1,8 @@
-//! Following a recording that is being recorded: annotations as they come, in a growing sidecar, and at the end the
-//! annotated recording that the batch path makes of the same bytes.
+//! Following a recording while it is recorded: annotations at once in a growing sidecar, and at the end the annotated
+//! recording that the batch path makes of the same bytes.
 //!
-//! Everything is a function of the recording's bytes; when they come, and how often the tail is killed meanwhile, only
-//! decides when the annotations are there.
+//! Everything is a function of the recording's bytes; when they arrive, and how often the tail is killed meanwhile,
+//! only affects when the annotations are there.
 
 pub(super) mod checkpoint;
 mod finish;
@@ -36,12 +36,12 @@ use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::tail::checkpoint::{Checkpoint, Owner};
 
-/// Follows a recording to its end: a file, or a rosbag2 folder into which its recorder begins one file after the other.
+/// Follows a recording to its end: a file, or a rosbag2 folder into which its recorder writes one file after the other.
 ///
 /// # Errors
 ///
-/// If it is not MCAP or has no usable IMU topic, and nothing is left behind; if it is out of reach, the system refuses,
-/// or `stop` asks, and the same call then goes on from where it was.
+/// If it is not MCAP or has no usable IMU topic (nothing is left behind then); or if it is unreachable, the system
+/// refuses, or `stop` asks (the same call later continues from there).
 pub fn tail(
     input: &Path,
     output: &Path,
@@ -67,7 +67,7 @@ pub fn tail(
         indexes: IndexLog::new(index_log_of(&sidecar)),
     };
     let done = shell.run(input, tell);
-    // An empty sidecar is but a lock.
+    // An empty sidecar is only a lock.
     let nothing = shell.appending.length() == 0 && !shell.checkpoint.exists();
     match done {
         Ok(done) => Ok(done),
@@ -83,7 +83,7 @@ pub fn tail(
 impl Shell<'_> {
     fn run(&mut self, input: &Path, tell: Tell<'_>) -> Result<Tailed, Error> {
         if input.is_file() {
-            // What a killed run left half changed is said, and so is what only looks like it.
+            // Reports a file that a killed run left half changed, and a file that only looks like its backup.
             drop(in_place::open(input, Access::Read)?);
         }
         if !self.following.options.force {
@@ -101,10 +101,10 @@ impl Shell<'_> {
         self.follow(trail, first, tell)
     }
 
-    /// The output exists: it must be the result of the recording as it is.
+    /// Handles an existing output: it must be the result of the recording as it is now.
     fn already(&mut self, input: &Path) -> Result<Tailed, Error> {
         if Location::of(input).next(&[])?.is_none() {
-            // Whatever it will be, this is not its result.
+            // Whatever is recorded later, this is not its result.
             return Err(Error::Exists(self.output.clone()));
         }
         let recording = Input::as_it_is(input)?;
@@ -129,7 +129,7 @@ impl Shell<'_> {
         let began = Instant::now();
         let mut told = false;
         loop {
-            // Only when it is there can it be told whether it is a file.
+            // Only an existing path shows whether it is a file.
             let trail = Location::of(input);
             if let Some(first) = trail.next(&[])? {
                 return Ok((trail, first));
@@ -149,7 +149,7 @@ impl Shell<'_> {
         let mut course = Progression::begin(self, trail, first, tell)?;
         let ending = match self.record(&mut course, tell) {
             Err(error) => {
-                // What was done so far need not be done again; that the tail is to stop is worth more than a full disk.
+                // Finished work need not be repeated; stopping matters more than a full disk.
                 let _ = self.save(&mut course).and_then(|()| self.checkpoint.settle());
                 return Err(error);
             }

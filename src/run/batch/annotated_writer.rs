@@ -1,5 +1,5 @@
-//! What has been read and learned, written: the recording with its annotations behind it, or these alone.
-//! What is written is left to [`Fold`] and [`Sidecar`], and where to [`Output`].
+//! Writing of findings: the recording followed by its annotations, or the annotations alone. [`Fold`] and [`Sidecar`]
+//! make the bytes, [`Output`] is their destination.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::run::input::recording::{Recording, Watch};
 use crate::run::output::file::Output;
 use crate::run::output::spill::Spill;
 
-/// A split that has been read, and what is to be written behind it.
+/// A split that has been read, with the annotations to write behind it.
 pub(super) struct ReadSplit<'a> {
     pub(super) output: Output,
     pub(super) split: &'a Recording,
@@ -18,7 +18,7 @@ pub(super) struct ReadSplit<'a> {
     pub(super) kept: Kept,
 }
 
-/// Hands over the blocks to be written, one after the other.
+/// Source of the blocks to write, one after the other.
 pub(super) type NextBlock<'a> = &'a mut dyn FnMut() -> Result<Option<Block>, Error>;
 
 impl ReadSplit<'_> {
@@ -35,7 +35,7 @@ impl ReadSplit<'_> {
     }
 }
 
-/// Writes a recording with annotations behind it.
+/// Writes a recording followed by annotations.
 pub(super) fn write_annotated(
     output: &mut Output,
     recording: &Recording,
@@ -68,7 +68,7 @@ pub(super) fn write_annotated(
     output.close(fold.close(), indexes.chunks, recording)
 }
 
-/// Writes annotations alone.
+/// Writes the annotations alone.
 pub(super) fn write_sidecar(
     output: &mut Output,
     recording: &Recording,
@@ -90,7 +90,7 @@ pub(super) fn write_sidecar(
     output.close(sidecar.close(), indexes, recording)
 }
 
-/// What stands behind the prefix; a summary, mostly, but all that follows the damage in a damaged recording.
+/// Tail behind the prefix: usually the summary, in a damaged recording everything behind the damage.
 fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Error> {
     let length = recording.length().saturating_sub(prefix);
     let mut crc = crc32fast::Hasher::new();
@@ -98,7 +98,7 @@ fn tail(recording: &Recording, prefix: u64, watch: Watch<'_>) -> Result<Tail, Er
     Ok(Tail { length, crc: crc.finalize() })
 }
 
-/// What is written behind the recording, until all of that has been read.
+/// Data to write behind the recording, kept until all of that has been read.
 pub(super) struct Kept {
     pub(super) blocks: Blocks,
     pub(super) indexes: Indexes,
@@ -110,7 +110,7 @@ impl Kept {
     }
 }
 
-/// Annotations.
+/// Spilled annotation blocks.
 pub(super) struct Blocks(Spill);
 
 impl Blocks {
@@ -120,7 +120,7 @@ impl Blocks {
         self.0.push_item(&bytes)
     }
 
-    /// All of them, from the first on.
+    /// All blocks, from the first on.
     fn next(&mut self) -> impl FnMut() -> Result<Option<Block>, Error> + '_ {
         let mut begun = false;
         move || {
@@ -132,11 +132,11 @@ impl Blocks {
     }
 }
 
-/// What is indexed anew behind the annotations.
+/// Indexes to write again behind the annotations.
 pub(crate) struct Indexes {
     /// Chunk indexes.
     chunks: Spill,
-    /// Chunks whose message indexes are damaged.
+    /// Chunks with damaged message indexes.
     reindexed: Spill,
 }
 
@@ -145,7 +145,7 @@ impl Indexes {
         Self { chunks: Spill::beside(output), reindexed: Spill::beside(output) }
     }
 
-    /// Takes what a scan found of chunks, and of those whose message indexes are damaged.
+    /// Takes chunk indexes of a scan, and chunks with damaged message indexes.
     pub(crate) fn push(&mut self, chunks: &[u8], reindexed: &[u8]) -> Result<(), Error> {
         self.chunks.push(chunks)?;
         if reindexed.is_empty() { Ok(()) } else { self.reindexed.push_item(reindexed) }

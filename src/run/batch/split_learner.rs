@@ -1,4 +1,4 @@
-//! Learning from a recording, split by split, and keeping what is to be written behind each.
+//! Learning from a recording split by split, and keeping the annotations of each.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ use crate::run::input::rosbag2::Contents;
 use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
 
-/// What is learned of a recording while its splits are read.
+/// State of learning while the splits of a recording are read.
 pub(super) struct SplitLearner<'a> {
     input: &'a Input,
     pub(super) learner: Learner,
@@ -22,9 +22,9 @@ pub(super) struct SplitLearner<'a> {
     limits: Limits,
     /// Bytes of the splits that have been read.
     pub(super) done: u64,
-    /// Messages in the recording.
+    /// Number of messages read.
     pub(super) messages: u64,
-    /// Of the splits with their annotations.
+    /// Contents of the splits with their annotations.
     pub(super) contents: Vec<Contents>,
 }
 
@@ -39,7 +39,7 @@ impl<'a> SplitLearner<'a> {
         Self { input, learner, options, limits, done: 0, messages: 0, contents: Vec::new() }
     }
 
-    /// Learns from the next split; what is to be written is kept where there is a place for it.
+    /// Learns from the next split; the annotations go into `kept`, if there is one.
     pub(super) fn read(
         &mut self,
         index: usize,
@@ -77,17 +77,17 @@ impl<'a> SplitLearner<'a> {
     }
 }
 
-/// Hears a split.
+/// Listener to a split.
 struct Listening<'l, 'k> {
     learner: &'l mut Learner,
     kept: Option<&'k mut Kept>,
-    /// What there is of annotations.
+    /// Counts of the annotations.
     contents: Contents,
     verify: bool,
 }
 
 impl Listening<'_, '_> {
-    /// Keeps what has been learned.
+    /// Keeps the blocks that are ready.
     fn keep(&mut self) -> Result<(), Error> {
         let Self { learner, kept, contents, .. } = self;
         let blocks: Vec<_> = learner.take_blocks().collect();

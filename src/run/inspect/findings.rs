@@ -10,18 +10,18 @@ use crate::run::batch::calibrate;
 use crate::run::input::recording::Watch;
 use crate::run::input::splits::{Input, Read};
 
-/// What is known of a recording or sidecar.
+/// Findings of a recording or sidecar.
 #[derive(Debug, Default)]
 pub struct Found {
     /// Its IMUs.
     pub imus: Vec<Findings>,
-    /// The first thing that is wrong with it.
+    /// Its first damage.
     pub damage: Option<Damage>,
-    /// How many damages there are.
+    /// Number of damaged places.
     pub damages: u64,
 }
 
-/// Reads what is known of the IMUs of a recording or sidecar.
+/// Reads the findings of the IMUs of a recording or sidecar.
 ///
 /// # Errors
 ///

@@ -12,40 +12,40 @@ use crate::run::input::recording::{Recording, Watch};
 use crate::run::inspect::rate::Rate;
 use crate::{Error, Stamp};
 
-/// Bytes of a recording in which the first messages are looked for (32 MiB).
+/// Leading bytes of a recording in which first messages are searched (32 MiB).
 const HEAD: u64 = 32 << 20;
 
-/// One channel.
+/// One channel and its use.
 #[derive(Debug)]
 pub struct Use {
     /// Its record.
     pub channel: Channel,
-    /// Type of its messages; empty without schema.
+    /// Name of its schema; empty without one.
     pub schema: String,
-    /// What it is used for.
+    /// Role of the channel.
     pub verdict: ChannelRole,
-    /// Messages on it.
+    /// Number of its messages.
     pub messages: u64,
-    /// Whose stamps are times of the recording.
+    /// Stamps that are times of the recording.
     pub stamped: Stamped,
-    /// Messages a second, by the median of their log times; `None` where there are too few to tell.
+    /// Message rate in Hz, by the median interval of the log times; `None` with too few messages.
     pub hz: Option<f64>,
-    /// What its first messages show, one line each.
+    /// Observations on its first messages, one line each.
     pub remarks: Vec<String>,
-    /// What would map it, or map it better.
+    /// Configuration that would map it, or map it better.
     pub configuration: Option<ImuConfig>,
 }
 
-/// Which stamps are within an hour of the log time, so that viewers can plot by them.
+/// Kinds of stamps that lie within an hour of the log time, so that viewers can plot by them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamped {
-    /// Those of the samples, and so of the annotations.
+    /// Stamps of the samples, and so of the annotations.
     pub samples: bool,
     /// `header.stamp` of the messages themselves.
     pub messages: bool,
 }
 
-/// Reads a recording from its start until `each` has seen enough, but not far.
+/// Reads a recording from its start until `each` returns `true`, at most `HEAD` bytes.
 pub(super) fn head(
     recording: &Recording,
     limits: Limits,
@@ -68,7 +68,7 @@ pub(super) fn head(
     }
 }
 
-/// Learns what the channels are.
+/// Channels with their roles and rates, collected from events.
 pub(super) struct ChannelLook {
     pub(super) sources: Sources,
     pub(super) rates: BTreeMap<u16, Rate>,
@@ -88,14 +88,14 @@ impl ChannelLook {
         }
     }
 
-    /// The time in the header of a message.
+    /// The time in a message's header.
     pub(super) fn stamp(&self, message: &Message<'_>) -> Option<Stamp> {
         let Entry { channel, schema, .. } = self.sources.table.get(message.channel)?;
         let layout = Layout::new(&channel.message_encoding, schema.as_ref()).ok();
         header_stamp(&layout.or_else(|| Layout::of_example(&channel.topic, message.data))?, message.data)
     }
 
-    /// By topic, with what the names suggest.
+    /// Channels by topic, with suggestions made from their names.
     pub(super) fn uses(&self, counts: &BTreeMap<u16, u64>) -> Vec<Use> {
         let primary = self.sources.channels().find(|(_, verdict)| match verdict {
             ChannelRole::Used(uses) => uses.iter().any(|part| part.sensor == Sensor::Accelerometer),

@@ -1,13 +1,13 @@
-//! Rate of a channel by the log times of its own messages.
+//! Message rate of a channel by log times.
 
-/// Intervals between messages.
+/// Intervals between messages, in nanoseconds.
 #[derive(Default)]
 pub(super) struct Rate {
     last: Option<u64>,
     intervals: Vec<u64>,
 }
 
-/// So many intervals make a rate.
+/// Most intervals that make a rate.
 const MOST: usize = 1000;
 
 impl Rate {
@@ -20,14 +20,14 @@ impl Rate {
         }
     }
 
-    /// Messages a second: by the median interval or, where messages come in bursts, by the mean without the gaps.
+    /// Message rate in Hz: by the median interval or, for messages in bursts, by the mean without gaps.
     pub(super) fn hz(&self) -> Option<f64> {
         let mut sorted = self.intervals.clone();
         sorted.sort_unstable();
         let median = *sorted.get(sorted.len() / 2)?;
-        // The longest are gaps.
+        // The longest 2 % count as gaps.
         let within = sorted.get(..sorted.len() - sorted.len() / 50)?;
-        // Log times may be anything, so that integers would overflow.
+        // Log times may be any number, so that a sum of integers could overflow.
         let mean = within.iter().map(|&interval| interval as f64).sum::<f64>() / within.len() as f64;
         let typical = if mean > 2.0 * median as f64 && within.len() > 8 { mean } else { median as f64 };
         (typical > 0.0).then(|| 1e9 / typical)

@@ -1,4 +1,4 @@
-//! What a report is made of: the timelines of a recording's IMUs. Nothing that was annotated is fitted again.
+//! Data of a report: the timelines of a recording's IMUs. Annotations are not fitted again.
 
 use std::collections::BTreeSet;
 
@@ -11,20 +11,20 @@ use crate::report::Timeline;
 use crate::run::input::recording::Watch;
 use crate::run::input::splits::{Input, Read};
 
-/// What a report is made of.
+/// Data of a report.
 #[derive(Debug, Default)]
 pub struct ReportData {
     /// The IMUs.
     pub imus: Vec<Timeline>,
-    /// The settings that were used, as TOML.
+    /// Settings that were used, as TOML.
     pub settings: String,
-    /// What was missed or wrong, one line each.
+    /// Missing or wrong parts, one line each.
     pub notes: Vec<String>,
-    /// How many damages there are.
+    /// Number of damaged places.
     pub damages: u64,
 }
 
-/// Reads a recording, annotated or not, or a sidecar.
+/// Reads the data of a recording, annotated or not, or of a sidecar.
 ///
 /// # Errors
 ///
@@ -33,7 +33,7 @@ pub fn report_data(input: &Input, config: &Config, watch: Watch<'_>) -> Result<R
     report_data_in_order(input, config, watch, None)
 }
 
-/// The same, with messages of these channels in the order of their log times.
+/// The same, with messages of these channels in log-time order.
 fn report_data_in_order(
     input: &Input,
     config: &Config,
@@ -41,7 +41,7 @@ fn report_data_in_order(
     order: Option<BTreeSet<u16>>,
 ) -> Result<ReportData, Error> {
     let settings = input.settings()?.and_then(|mut settings| settings.remove("configuration"));
-    // A configuration that another version wrote may not be understood; it is shown all the same.
+    // A configuration of another version may not parse; it is shown nevertheless.
     let used = settings.as_ref().and_then(|text| Config::load(&[Layer::file("the recording", text)]).ok());
     let config = used.as_ref().unwrap_or(config);
     let mut timelines = Timelines::new(config, settings.is_some());

@@ -1,4 +1,4 @@
-//! The original out of an annotated recording, byte for byte.
+//! Extraction of the original from an annotated recording, byte for byte.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use crate::run::input::splits::Input;
 use crate::run::output::file::{Output, Written};
 use crate::run::output::folder::Folder;
 
-/// Large enough for the kernel, small enough to stop between two (64 MiB).
+/// Bytes of one copy: large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;
 
-/// Writes the bytes of a recording, wherever they stand, as a file or folder of their own.
+/// Writes the bytes of a recording as a file or folder of their own.
 ///
 /// # Errors
 ///

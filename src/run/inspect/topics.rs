@@ -1,5 +1,4 @@
-//! What the channels of a recording are, and what each would be used for. What a look at their first messages shows is
-//! left to [`remarks`].
+//! Channels of a recording and the use of each. [`remarks`] looks at their first messages.
 
 mod remarks;
 mod units;
@@ -17,18 +16,18 @@ use crate::run::inspect::rate::Rate;
 /// The channels of a recording.
 #[derive(Debug, Default)]
 pub struct Channels {
-    /// By topic.
+    /// Channels by topic.
     pub channels: Vec<Use>,
-    /// What the configuration names and the recording lacks, one line each.
+    /// Parts that the configuration names and the recording lacks, one line each.
     pub notes: Vec<String>,
-    /// From the first to the last message, in seconds.
+    /// Time from the first to the last message, in seconds.
     pub seconds: f64,
-    /// How many damages were met. A long recording is not read to its end.
+    /// Number of damaged places that were met. A long recording is not read to its end.
     pub damages: u64,
 }
 
 impl Channels {
-    /// Those of the next file of the same recording, too.
+    /// Adds the channels of the next file of the same recording.
     fn and(mut self, next: Self) -> Self {
         for used in next.channels {
             let same = |known: &&mut Use| known.channel.topic == used.channel.topic && known.schema == used.schema;
@@ -43,16 +42,16 @@ impl Channels {
         self
     }
 
-    /// Messages a second on a channel; `None` where there are too few to tell.
+    /// Message rate of a channel in Hz; `None` with too few messages.
     pub fn rate(&self, of: &Use) -> Option<f64> {
         of.hz.filter(|_| of.messages > 1)
     }
 }
 
-/// Recordings of more bytes are not read to the end if they say at the end what is in them (64 MiB).
+/// Length in bytes above which a recording with a usable summary is not read to the end (64 MiB).
 const WHOLE: u64 = 64 << 20;
 
-/// Looks through a recording.
+/// Lists the channels of a recording.
 ///
 /// # Errors
 ///
@@ -84,7 +83,7 @@ fn cover((from, until): (u64, u64), (start, end): (u64, u64)) -> (u64, u64) {
     (from.min(start), until.max(end))
 }
 
-/// Reads all of a file of at most `whole` bytes, or of one that does not say at its end what is in it.
+/// Looks through one file: reads all of it if it has at most `whole` bytes or no usable summary.
 fn look_through(
     recording: &Recording,
     config: &Config,
@@ -116,14 +115,14 @@ fn look_through(
     let mut channels = look.uses(&counts);
     peek(recording, config, watch, &mut channels)?;
     for used in &mut channels {
-        // One that begins later, where all was read.
+        // Of a channel that begins later, in a file that was read completely.
         used.hz = used.hz.or_else(|| look.rates.get(&used.channel.id).and_then(Rate::hz));
     }
     let notes = look.sources.missing();
     Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
 
-/// What the end of a recording says.
+/// Summary at the end of a recording.
 fn closing_summary(recording: &Recording) -> Result<Option<ClosingSummary>, Error> {
     let summary = ClosingSummary::of(&mut Within(recording), recording.length());
     summary.map_err(|error| Error::input(recording.path(), error.to_string()))
@@ -153,7 +152,7 @@ mod tests {
         assert_eq!(format!("{end:?}"), format!("{all:?}"));
         assert!(all.channels.iter().any(|used| used.messages > 100 && matches!(used.verdict, ChannelRole::Used(_))));
 
-        // What is cut off says nothing at its end.
+        // A truncated recording has no summary.
         std::fs::write(&path, &bytes[..bytes.len() * 3 / 4]).unwrap();
         let (cut, whole) = (looked(0), looked(u64::MAX));
         assert_eq!(format!("{cut:?}"), format!("{whole:?}"));

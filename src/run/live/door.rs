@@ -1,21 +1,21 @@
-//! Whose requests are served. A browser says of which page a connection is (`Origin`), and which name led to us (`Host`);
-//! a page of a stranger must not read what a robot records, not even one whose name leads to this machine.
+//! Admission of requests. A browser tells which page a connection comes from (`Origin`), and which name led to us
+//! (`Host`); a stranger's page must not read what a robot records, not even one whose name resolves to this machine.
 
 use std::net::IpAddr;
 
-/// Pages of viewers that are served from elsewhere; a name that begins with a dot stands for all below it.
+/// Pages of viewers that are served from elsewhere; a leading dot stands for all subdomains.
 const VIEWERS: [&str; 2] = ["foxglove.dev", ".foxglove.dev"];
-/// Programs that show a page of their own, from their own files.
+/// Origin of programs that show a page from their own files.
 const OWN_FILES: &str = "file://";
 
-/// Who is let in.
+/// Rules of admission.
 #[derive(Debug)]
 pub(super) struct Door {
     /// Hosts and origins besides ours.
     allowed: Vec<String>,
 }
 
-/// Why somebody is not.
+/// Refusal of a request.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Refused {
     pub(super) status: &'static str,
@@ -38,7 +38,7 @@ impl Door {
         Self { allowed }
     }
 
-    /// Judges a request by its head.
+    /// Admits or refuses a request by its head.
     pub(super) fn judge(&self, request: &[u8]) -> Result<(), Refused> {
         let malformed = || Refused { status: "400 Bad Request", why: "not a request for a WebSocket".to_owned() };
         let mut lines = std::str::from_utf8(request).map_err(|_| malformed())?.split("\r\n");
@@ -79,7 +79,7 @@ impl Door {
             && VIEWERS
                 .iter()
                 .any(|viewer| if viewer.starts_with('.') { page.ends_with(viewer) } else { page == *viewer });
-        // A page of this machine, or of the one that was asked for, unless anybody may have named it so.
+        // A page of this machine, or of the requested host, unless a stranger could own that name.
         is_viewer || is_loopback(page) || page == host && is_near(host)
     }
 
@@ -88,7 +88,7 @@ impl Door {
     }
 }
 
-/// The name or address in front of a port.
+/// Host name or address without the port.
 fn host_of(authority: &str) -> &str {
     if let Some(rest) = authority.strip_prefix('[') {
         return rest.split(']').next().unwrap_or_default();
@@ -100,7 +100,7 @@ fn is_loopback(host: &str) -> bool {
     host.eq_ignore_ascii_case("localhost") || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
-/// Whether a name is one that no stranger can have: an address, a name without dots, or one of the local network.
+/// Whether a stranger cannot own a name: an address, a name without dots, or one of the local network.
 fn is_near(host: &str) -> bool {
     let is_local = || {
         let name = host.to_ascii_lowercase();
@@ -145,7 +145,7 @@ mod tests {
         }
         assert_eq!(status("192.168.1.5:8765", Some("http://192.168.1.5:8080")), "", "beside a viewer");
         assert_eq!(status("192.168.1.5:8765", Some("http://192.168.1.6:8080")), "403 Forbidden");
-        // A page whose name was made to lead here.
+        // A page whose name was made to resolve to this machine.
         assert_eq!(status("evil.example:8765", Some("http://evil.example:8765")), "403 Forbidden");
         assert_eq!(status("evil.example", None), "403 Forbidden");
         assert_eq!(status("robot.example", None), "");

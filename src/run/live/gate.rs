@@ -1,8 +1,8 @@
-//! The door to the live server: who may come in, how long the first words may take, how many may stay, and how much of a
-//! message each may leave unfinished. The library that serves viewers asks none of this, so that it listens at a place of
-//! its own on this machine that nobody is told, and what comes through the door is passed on.
+//! Entrance of the live server: it limits who may connect, the time until the first request, the number of viewers, and
+//! the unfinished bytes of a message. The library that serves viewers limits none of this, so it listens at a separate,
+//! secret address on this machine, and admitted connections are forwarded.
 //!
-//! Which pages may connect is left to [`door`](super::door).
+//! [`door`](super::door) decides which pages may connect.
 
 use std::collections::VecDeque;
 use std::io;
@@ -20,41 +20,41 @@ use tokio::time::timeout;
 use super::door::{Door, Refused};
 use super::unfinished::Unfinished;
 
-/// Who has not asked by then is sent away.
+/// Longest wait for the request of a new connection.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Connections that have not asked yet. The next one takes the place of the oldest, so that those who ask nothing keep
-/// nobody out.
+/// Most connections that have not sent a request yet. The next one replaces the oldest, so that silent ones keep nobody
+/// out.
 const ARRIVING: usize = 16;
 /// Longest request, in bytes.
 const REQUEST: usize = 8 << 10;
 
-/// What viewers may do.
+/// Limits for viewers.
 #[derive(Clone, Debug)]
 pub struct Viewers {
-    /// So many at a time.
+    /// Most viewers at a time.
     pub most: usize,
-    /// Bytes of an unfinished message that each may hold, and of a message that each is shown.
+    /// Most bytes of an unfinished message from each viewer, and of a message that is shown.
     pub owed: usize,
-    /// Messages a second that they are shown.
+    /// Most messages per second that are shown.
     pub rate: u32,
-    /// Hosts and origins besides those of this machine and its neighbours.
+    /// Allowed hosts and origins besides those of this machine and its neighbours.
     pub allowed: Vec<String>,
 }
 
-/// A place on this machine that no page can guess: every address that begins with 127 is ours, where the system knows it.
+/// A loopback address that no page can guess: where the system supports it, all of 127.0.0.0/8 is ours.
 pub(super) fn unguessable() -> Ipv4Addr {
     let [a, b, c] = rand::random::<[u8; 3]>();
     Ipv4Addr::new(127, a, b, c.clamp(1, 254))
 }
 
-/// Lets viewers in for as long as the runtime lives.
+/// Admits viewers for as long as the runtime lives.
 pub(super) async fn keep(listener: TcpListener, inner: SocketAddr, viewers: Viewers) {
     let door = Arc::new(Door::new(viewers.allowed));
     let places = Arc::new(Semaphore::new(viewers.most));
     let mut arriving: VecDeque<(Arc<AtomicBool>, AbortHandle)> = VecDeque::new();
     loop {
         let Ok((stream, _)) = listener.accept().await else {
-            // Out of descriptors, for instance; that passes.
+            // Out of descriptors, for example; that passes.
             tokio::time::sleep(Duration::from_millis(100)).await;
             continue;
         };
@@ -67,7 +67,7 @@ pub(super) async fn keep(listener: TcpListener, inner: SocketAddr, viewers: View
         let is_inside = Arc::new(AtomicBool::new(false));
         let (door, places, owed, enters) = (door.clone(), places.clone(), viewers.owed, is_inside.clone());
         let task = tokio::spawn(async move {
-            // A viewer that goes away is no matter.
+            // A viewer that goes away does not matter.
             let _ = receive(stream, inner, &door, &places, &enters, owed).await;
         });
         arriving.push_back((is_inside, task.abort_handle()));
@@ -103,7 +103,7 @@ async fn receive(
     pass(guest, server, owed).await
 }
 
-/// Passes bytes on, both ways, until either side ends or the guest leaves too much unfinished.
+/// Forwards bytes in both directions until either side ends or the guest leaves too much unfinished.
 async fn pass(mut guest: TcpStream, mut server: TcpStream, owed: usize) -> io::Result<()> {
     let _ = (guest.set_nodelay(true), server.set_nodelay(true));
     let (mut from_guest, mut to_guest) = guest.split();
@@ -124,14 +124,14 @@ async fn pass(mut guest: TcpStream, mut server: TcpStream, owed: usize) -> io::R
     tokio::select! { ended = asks => ended, ended = answers => ended }
 }
 
-/// A request or an answer up to the empty line that ends its head.
+/// Head of a request or an answer, through the empty line.
 async fn head(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let mut head = Vec::new();
     while !head.ends_with(b"\r\n\r\n") {
         if head.len() >= REQUEST {
             return Err(io::ErrorKind::InvalidData.into());
         }
-        // What follows is not ours to take.
+        // Byte by byte, since the bytes behind the head must stay in the stream.
         head.push(stream.read_u8().await?);
     }
     Ok(head)

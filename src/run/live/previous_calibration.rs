@@ -1,5 +1,5 @@
-//! Messages corrected by an earlier calibration, until the recording's own stands. They are shown and not written: what
-//! is written is a function of the recording.
+//! Messages corrected by an earlier calibration, until the recording's own is published. They are shown but not
+//! written: what is written is a function of the recording.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ use crate::pipeline::sources::Sources;
 use crate::record::{Annotation, Channel, Event, Message, Schema, Topic};
 use crate::report::{Findings, same};
 
-/// Corrects the messages of one recording.
+/// Corrections for the messages of one recording.
 pub(super) struct PreviousCalibration {
     calibrations: Vec<Findings>,
     sources: Sources,
-    /// By output name of the IMU; nothing for those whose corrected messages are written.
+    /// Corrections by output name of the IMU; `None` for an IMU without one, or whose corrected messages are written.
     by: BTreeMap<String, Option<Corrections>>,
     are_written: bool,
 }
@@ -38,7 +38,7 @@ impl PreviousCalibration {
         self.sources.take(&Event::Channel(channel));
     }
 
-    /// The corrected forms of a message, one for each IMU that it is of.
+    /// Corrected forms of a message, one for each IMU that it belongs to.
     pub(super) fn correct(&mut self, message: &Message<'_>) -> Vec<(Topic, Annotation)> {
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
         self.sources.intake.take_notices();
@@ -57,7 +57,7 @@ impl PreviousCalibration {
         rewritten.into_iter().map(|(imu, data)| (topic(imu), annotation(data))).collect()
     }
 
-    /// The recording's own calibration stands.
+    /// Switches to the recording's own calibration.
     pub(super) fn calibrated(&mut self, imu: &str, calibration: &Calibration) {
         let own = (!self.are_written).then(|| Corrections::of(calibration));
         self.by.insert(imu.to_owned(), own);

@@ -1,8 +1,7 @@
-//! What waits to be shown. Whoever puts something in never waits; showing it is left to [`live`](super).
+//! Queue of messages to be shown. Putting an item in never waits.
 //!
-//! Recorders write in bursts, a second of messages at a time and an hour of them where a tail catches up. A viewer's own
-//! place for messages that it has not taken yet is small, and what does not find room there is lost. So the bursts wait
-//! here, and what was learned overtakes them.
+//! Recorders write in bursts, a second of messages at a time, or an hour of them where a tail catches up. A viewer's
+//! own buffer is small and drops what does not fit. So the bursts wait here, and annotations overtake them.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -10,11 +9,11 @@ use std::time::Duration;
 
 use foxglove::RawChannel;
 
-/// Messages of the recording that wait, at most; more of them are not shown.
+/// Most waiting messages of the recording; further ones are not shown.
 const BULK: usize = 1 << 14;
-/// Annotations that wait, at most: those of a day.
+/// Most waiting annotations: those of a day.
 const LEARNED: usize = 1 << 17;
-/// Most bytes that wait, of either (32 MiB).
+/// Most waiting bytes, of either kind (32 MiB).
 const BYTES: usize = 32 << 20;
 
 /// A message to be shown.
@@ -22,16 +21,16 @@ pub(super) struct Item {
     pub(super) channel: Arc<RawChannel>,
     pub(super) log_time: u64,
     pub(super) data: Vec<u8>,
-    /// Whether it is one of very many, as the recording's own messages are. Of the others, viewers that join late are given
-    /// the last.
+    /// Whether it is one of very many, like the recording's own messages. Of other topics, viewers that join late get
+    /// the last message.
     pub(super) is_bulk: bool,
 }
 
-/// Shared by those who put in and the one who takes out.
+/// Queue shared by the producers and the one consumer.
 pub(super) struct Queue {
     waiting: Mutex<Waiting>,
     came: Condvar,
-    /// No item is longer, in bytes.
+    /// Longest item, in bytes.
     longest: usize,
 }
 
@@ -73,12 +72,12 @@ impl Waiting {
 }
 
 impl Queue {
-    /// One for items that are no longer, in bytes.
+    /// An empty queue for items of at most `longest` bytes.
     pub(super) fn new(longest: usize) -> Self {
         Self { waiting: Mutex::default(), came: Condvar::new(), longest }
     }
 
-    /// Appends an item, if there is room.
+    /// Appends an item if there is room.
     pub(super) fn put(&self, item: Item) {
         if item.data.len() > self.longest {
             return;
@@ -91,7 +90,8 @@ impl Queue {
         }
     }
 
-    /// The next items, `most` at most and none if none came for so long; `None` when there will be no more.
+    /// The next items, at most `most`, and none if none comes within `patience`; `None` once the queue is closed and
+    /// empty.
     pub(super) fn take(&self, most: usize, patience: Duration) -> Option<Vec<Item>> {
         let idle = |waiting: &mut Waiting| waiting.is_empty() && !waiting.closed;
         let waited = self.came.wait_timeout_while(self.lock(), patience, idle);
@@ -104,12 +104,12 @@ impl Queue {
         Some(taken)
     }
 
-    /// Whether nothing waits.
+    /// Whether no item waits.
     pub(super) fn is_empty(&self) -> bool {
         self.lock().is_empty()
     }
 
-    /// Nothing more will be put in.
+    /// Closes the queue: no further item is put in.
     pub(super) fn close(&self) {
         self.lock().closed = true;
         self.came.notify_one();

@@ -1,4 +1,4 @@
-//! What is told of one recording, as messages for viewers. Sending them is left to [`Live`](super::Live).
+//! News of one recording, as messages for viewers. [`Live`](super::Live) sends them.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,13 +20,13 @@ use crate::report::Findings;
 use crate::run::News;
 use crate::still::{State, Status};
 
-/// Diagnostics are told at each change, and after so many nanoseconds of the recording's time.
+/// Longest interval between diagnostics, in nanoseconds of the recording's time.
 const TICK: u64 = 1_000_000_000;
 
-/// Shows what happens to one recording. A topic of the same name and type in another one is continued.
+/// Shows the news of one recording. A topic of the same name and type in another recording is continued.
 pub struct Session<'a> {
     shared: &'a Shared,
-    /// Channels of the recording by id, none of whose messages has been used.
+    /// Channels of the recording by id that have no used message yet.
     unused: BTreeMap<u16, ChannelBuilder>,
     used: BTreeMap<u16, Arc<RawChannel>>,
     /// By topic.
@@ -34,7 +34,7 @@ pub struct Session<'a> {
     earlier: Option<PreviousCalibration>,
     log_time: u64,
     damages: usize,
-    /// How the IMUs stand, when that is due to be told.
+    /// State of the IMUs, to be sent when due.
     diagnostics: Vec<Diagnostic>,
     due: u64,
 }
@@ -54,13 +54,13 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Also shows messages corrected by an earlier calibration, until the recording's own stands, and by that from then on.
+    /// Also shows messages corrected by an earlier calibration, and by the recording's own once that is published.
     pub fn corrected_by(mut self, calibrations: Vec<Findings>, config: &Config) -> Self {
         self.earlier = Some(PreviousCalibration::new(calibrations, config));
         self
     }
 
-    /// Shows what happened. This never waits for a viewer.
+    /// Shows news. Never waits for a viewer.
     pub fn show(&mut self, news: &News<'_>) {
         match news {
             News::Channel { channel, schema } => {
@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
             News::Message { message, .. } => {
                 self.log_time = message.log_time;
                 self.source(message.channel);
-                // Nobody is given a message of the recording that came before him.
+                // No viewer gets messages of the recording from before it connected.
                 if let Some(channel) = self.used.get(&message.channel).filter(|_| self.shared.is_watched()) {
                     self.put(channel, message.log_time, message.data.to_vec(), true);
                 }
@@ -101,7 +101,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// How the recording and its IMUs stand, for panels that light up.
+    /// Sends the state of the recording and its IMUs, for diagnostic panels.
     fn diagnose(&mut self) {
         if self.log_time < self.due || self.diagnostics.is_empty() {
             return;
@@ -123,7 +123,7 @@ impl<'a> Session<'a> {
         );
     }
 
-    /// Topics are shown once they have messages that are used.
+    /// Advertises a topic at its first used message.
     fn source(&mut self, id: u16) {
         if let Some(built) = self.unused.remove(&id).and_then(|builder| self.shared.advertise(builder)) {
             self.used.insert(id, built);
@@ -168,7 +168,7 @@ impl Drop for Session<'_> {
     }
 }
 
-/// Whether an IMU rests, the faces seen, and what is known of it: what an operator has to see to is a warning.
+/// Rest state, seen faces and calibration of an IMU: a warning where an operator has to act.
 fn diagnose(findings: &Findings, status: &Status) -> [Diagnostic; 3] {
     let name = |what: &str| format!("stillpoint: {}: {what}", findings.name);
     let number = |label: &str, value: f64| (label.to_owned(), format!("{value:.4}"));

@@ -1,4 +1,4 @@
-//! What all sessions share: the server, and the publisher that shows what waits for viewers.
+//! State shared by all sessions: the server, and the publisher that shows the waiting messages.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,25 +10,25 @@ use tokio::runtime::Handle;
 
 use super::queue::{Item, Queue};
 
-/// So many messages are shown at a time, …
+/// Most messages that are shown between two pauses.
 const BATCH: usize = 128;
-/// … with so much between them, that viewers keep up: each has room for 1,024 that it has not taken yet. At 12,800 a
-/// second that is 10 ms; an IMU and its corrected twin seldom have a tenth of that.
+/// Pause between two batches, so that viewers keep up: each buffers 1,024 messages. At 12,800 messages per second it is
+/// 10 ms; an IMU and its corrected twin seldom have a tenth of that rate.
 fn pause(rate: u32) -> Duration {
     Duration::from_secs(1) * BATCH as u32 / rate.max(1)
 }
-/// Topics of recordings that are gone are shown for so long, to whoever comes late, and for the next recording.
+/// Time for which topics of ended recordings are still offered, for viewers that come late and for the next recording.
 const FAREWELL: Duration = Duration::from_secs(10);
-/// Viewers have so long to ask for a topic that is new before they miss its first messages.
+/// Time that viewers have to subscribe to a new topic before they miss its first messages.
 const GREETING: Duration = Duration::from_millis(500);
-/// When nothing happens, viewers are told the time after so long.
+/// Interval of time messages when nothing happens.
 const QUIET: Duration = Duration::from_millis(500);
-/// Viewers have so long to take what is on its way when everything ends.
+/// Time that viewers have to receive the last messages at the end.
 const PARTING: Duration = Duration::from_millis(500);
-/// Times that go back by no more are of messages that annotations overtook, not of another recording (1 h).
+/// Largest step back in time that is a message overtaken by annotations, not another recording, in nanoseconds (1 h).
 const DISORDER: u64 = 3_600_000_000_000;
 
-/// What the tails and the publisher share.
+/// State shared by the tails and the publisher.
 pub(super) struct Shared {
     pub(super) server: WebSocketServerHandle,
     pub(super) context: Arc<Context>,
@@ -36,7 +36,7 @@ pub(super) struct Shared {
     pub(super) topics: Mutex<HashMap<ChannelId, Offered>>,
     pub(super) queue: Queue,
     pub(super) last: Arc<Last>,
-    /// Messages that they are shown in a second.
+    /// Messages per second that are shown.
     pub(super) rate: u32,
 }
 
@@ -44,14 +44,14 @@ pub(super) struct Shared {
 pub(super) struct Offered {
     channel: Arc<RawChannel>,
     since: Instant,
-    /// Recordings that are followed and have it.
+    /// Number of followed recordings that have it.
     recordings: usize,
-    /// Since when there is none.
+    /// Time since which no recording has it.
     gone: Option<Instant>,
 }
 
 impl Shared {
-    /// Shows what is put into the queue, until that is closed.
+    /// Shows the queued items until the queue is closed.
     pub(super) fn publish(&self) {
         let mut shown = HashSet::new();
         let mut time = None;
@@ -68,22 +68,22 @@ impl Shared {
                 self.last.show(item);
             }
             if self.is_watched() {
-                // Viewers that are told no time plot by their own clock; the first that they are told is where plots begin.
+                // Viewers without a time plot by their own clock; plots begin at the first time that is sent.
                 time.into_iter().for_each(|time| self.server.broadcast_time(time));
                 std::thread::sleep(pause(self.rate));
             }
             self.forget_gone(&mut shown);
         }
         if self.is_watched() {
-            // What is on its way to them arrives; nobody tells when it has.
+            // Lets the last messages arrive; nothing reports when they have.
             std::thread::sleep(PARTING);
         }
     }
 
-    /// Offers a topic to the viewers. The thread that serves them does it: `foxglove` tells a viewer of a topic before it
-    /// notes that this one may ask for it, and would refuse a quick one.
+    /// Offers a topic to the viewers, on the thread that serves them: `foxglove` announces a topic to a viewer before
+    /// it accepts the viewer's subscription, and would refuse a quick one.
     pub(super) fn advertise(&self, topic: ChannelBuilder) -> Option<Arc<RawChannel>> {
-        // What is offered now is not forgotten at the same time.
+        // Holds the lock, so that a topic offered now is not forgotten at the same time.
         let mut topics = self.topics();
         let (sender, receiver) = std::sync::mpsc::channel();
         self.viewers.spawn(async move { sender.send(topic.build_raw()) });
@@ -95,7 +95,7 @@ impl Shared {
         Some(built)
     }
 
-    /// A recording that has this topic is not followed any more.
+    /// Notes that a recording with this topic is no longer followed.
     pub(super) fn leave(&self, topic: ChannelId) {
         if let Some(offered) = self.topics().get_mut(&topic) {
             offered.recordings = offered.recordings.saturating_sub(1);
@@ -103,7 +103,7 @@ impl Shared {
         }
     }
 
-    /// Takes the topics back that no recording has had for a while, once all of their messages have been shown.
+    /// Withdraws topics that no recording has had for a while, once all of their messages have been shown.
     fn forget_gone(&self, shown: &mut HashSet<ChannelId>) {
         if !self.queue.is_empty() {
             return;
@@ -139,7 +139,7 @@ impl Shared {
     }
 }
 
-/// The last message on each topic but those of very many messages: whoever joins late is given it.
+/// The last message on each topic, except bulk topics, for viewers that join late.
 #[derive(Default)]
 pub(super) struct Last(Mutex<HashMap<ChannelId, Item>>);
 
@@ -148,7 +148,7 @@ impl Last {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).remove(&topic);
     }
 
-    /// Shows a message. Whoever subscribes meanwhile gets it once or twice, never not at all.
+    /// Shows a message. A viewer that subscribes meanwhile gets it once or twice, but never misses it.
     fn show(&self, item: Item) {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         item.log(None);
@@ -168,7 +168,7 @@ impl ServerListener for Last {
 }
 
 impl Item {
-    /// Sends it to one viewer, or to all that subscribed.
+    /// Sends it to one viewer, or to all subscribers.
     fn log(&self, viewer: Option<SinkId>) {
         let metadata = PartialMetadata { log_time: Some(self.log_time) };
         self.channel.log_with_meta_to_sink(&self.data, metadata, viewer);

@@ -1,18 +1,18 @@
-//! How much of a WebSocket message is unfinished (RFC 6455, section 5.2), by the bytes that come.
+//! Length of unfinished WebSocket messages (RFC 6455, section 5.2), counted from the incoming bytes.
 
-/// Counts the bytes of one side of a connection.
+/// Byte counter of one direction of a connection.
 #[derive(Debug, Default)]
 pub(super) struct Unfinished {
-    /// The head of a frame, as far as it has come.
+    /// Head of a frame, as far as received.
     head: Vec<u8>,
-    /// Bytes that are missing to the end of a frame.
+    /// Missing bytes of the current frame.
     left: u64,
-    /// Length of the frames of a message that goes on.
+    /// Length of the frames of an unfinished message, in bytes.
     message: u64,
 }
 
 impl Unfinished {
-    /// Takes in what came; how long the message is that it belongs to, by what its frames claim, or the longest of them.
+    /// Takes bytes; returns the length of the longest message they belong to, as claimed by its frames.
     pub(super) fn take(&mut self, mut bytes: &[u8]) -> u64 {
         let mut longest = 0;
         while !bytes.is_empty() {
@@ -39,8 +39,8 @@ impl Unfinished {
     }
 }
 
-/// What the head of a frame says once it is whole: whether the message ends with it, whether it is a control frame, and
-/// its length.
+/// Parses the head of a frame once it is complete: whether the message ends with it, whether it is a control frame, and
+/// its length in bytes.
 fn frame(head: &[u8]) -> Option<(bool, bool, u64)> {
     let (&first, rest) = head.split_first()?;
     let (&second, rest) = rest.split_first()?;

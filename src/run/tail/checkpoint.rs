@@ -1,7 +1,8 @@
-//! Where a tail stands, on disk: replaced as a whole at each save, so that a kill at any instant leaves the one before.
+//! Checkpoint of a tail on disk: replaced atomically at each save, so that a kill at any instant leaves the previous
+//! one.
 //!
-//! The sidecar and the index log are put on the device before the checkpoint that counts on them. Saving runs on a thread of its own, since
-//! a device takes its time; when to save is left to the [tail](crate::run::tail).
+//! The sidecar and the index log are synced before the checkpoint that relies on them. Saving runs on its own thread,
+//! since a device takes its time; the [tail](crate::run::tail) decides when to save.
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -19,20 +20,20 @@ use crate::run::output::partial::{Partial, sweep};
 use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::SidecarFile;
 
-/// What a checkpoint begins with; another layout gets another number.
+/// First bytes of a checkpoint; another layout gets another number.
 const MAGIC: &[u8; 16] = b"stillpointtail05";
-/// What every layout begins with.
+/// First bytes of every layout.
 const OURS: &[u8] = b"stillpointtail";
-/// Of magic and checksum.
+/// Length of magic and checksum, in bytes.
 const HEAD: usize = 16 + 4;
-/// Larger is none (1 GiB): the largest hold the inventory of a whole recording.
+/// Most bytes of a checkpoint (1 GiB): the largest hold the inventory of a whole recording.
 const LARGEST: u64 = 1 << 30;
-/// Saves are at least this far apart, …
+/// Least time between two saves.
 const INTERVAL: Duration = Duration::from_secs(1);
-/// … and so many times as long as putting the state together takes.
+/// Least time between two saves, as a multiple of the time that encoding the state takes.
 const SHARE: u32 = 20;
 
-/// What a checkpoint belongs to.
+/// Program version and configuration that a checkpoint belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Owner {
     pub(super) version: String,
@@ -43,36 +44,36 @@ pub(super) struct Owner {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Split {
     pub(super) name: String,
-    /// What it is known again by.
+    /// Offset and bytes by which it is recognised.
     pub(super) known: (u64, Vec<u8>),
-    /// In bytes.
+    /// Length in bytes.
     pub(super) length: u64,
     pub(super) inventory: Inventory,
-    /// So many topics and blocks of annotations there were at its end.
+    /// Numbers of topics and annotation blocks at its end.
     pub(super) topics: usize,
     pub(super) blocks: u64,
-    /// How long the index log was.
+    /// Length of the index log at its end, in bytes.
     pub(super) indexes: u64,
 }
 
-/// All that a tail has to remember.
+/// Complete state of a tail.
 #[derive(Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) done: Vec<Split>,
-    /// The file that is read, in a folder.
+    /// Name of the file that is being read, in a folder.
     pub(super) name: String,
-    /// What that is known again by.
+    /// Offset and bytes by which that file is recognised.
     pub(super) known: (u64, Vec<u8>),
     pub(super) position: Position,
     pub(super) learner: Learner,
     /// `None` before the sidecar has begun.
     pub(super) sidecar: Option<Sidecar>,
     pub(super) profile: String,
-    /// In the sidecar.
+    /// Number of blocks in the sidecar.
     pub(super) blocks: u64,
-    /// Of the sidecar, in bytes.
+    /// Length of the sidecar in bytes.
     pub(super) length: u64,
-    /// Where the index log stands.
+    /// Mark of the index log.
     pub(super) indexes: Mark,
 }
 
@@ -91,19 +92,19 @@ pub(super) struct StateOf<'a> {
     pub(super) indexes: Mark,
 }
 
-/// What is found under the name of a checkpoint.
+/// Content of a checkpoint's path.
 pub(super) enum Loaded {
     Nothing,
     State(Box<State>),
-    /// Something that cannot be gone on with, why, and what can be read of it.
+    /// Something that cannot be resumed, why, and the state as far as it can be read.
     Useless(&'static str, Option<Box<State>>),
 }
 
-/// Saves and loads.
+/// Saving and loading.
 #[derive(Debug)]
 pub(super) struct Checkpoint {
     path: PathBuf,
-    /// Whether something stands there that is no checkpoint. It stays, and nothing is saved.
+    /// Whether the path holds something that is no checkpoint. It stays, and nothing is saved.
     foreign: bool,
     next: Instant,
     saving: Option<JoinHandle<Result<(), Error>>>,
@@ -115,7 +116,7 @@ impl Checkpoint {
         Self { path, foreign, next: Instant::now() + INTERVAL, saving: None }
     }
 
-    /// Why nothing is saved, if something else stands in its place.
+    /// Reason why nothing is saved, if something else has the name.
     pub(super) fn obstacle(&self) -> Option<String> {
         let path = self.path.display();
         self.foreign.then(|| format!("{path} is no checkpoint and is left alone: a tail that is killed begins anew"))
@@ -137,7 +138,7 @@ impl Checkpoint {
         Ok(decode(&bytes, owner))
     }
 
-    /// Marks the sidecar as ours before there is a state to go on from.
+    /// Marks the sidecar as ours before there is a state to resume.
     pub(super) fn mark(&mut self, owner: &Owner) -> Result<(), Error> {
         self.settle()?;
         if self.foreign {
@@ -147,12 +148,12 @@ impl Checkpoint {
         replace(&self.path, &bytes)
     }
 
-    /// Whether it is time to save again.
+    /// Whether the next save is due.
     pub(super) fn is_due(&self) -> bool {
         !self.foreign && self.next <= Instant::now() && self.saving.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Begins to save. What became of the save before is told now.
+    /// Begins to save. Returns the error of the save before.
     pub(super) fn save(
         &mut self,
         owner: &Owner,
@@ -181,14 +182,14 @@ impl Checkpoint {
         before
     }
 
-    /// Waits until what was begun is done.
+    /// Waits for the save in progress.
     pub(super) fn settle(&mut self) -> Result<(), Error> {
         let Some(thread) = self.saving.take() else { return Ok(()) };
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 
     pub(super) fn remove(&mut self) -> Result<(), Error> {
-        // It is removed, however it is.
+        // It is removed even if the last save failed.
         let _ = self.settle();
         if self.foreign {
             return Ok(());
@@ -200,7 +201,7 @@ impl Checkpoint {
     }
 }
 
-/// Whether something stands under the name of a checkpoint that is none, of whatever version.
+/// Whether a checkpoint's name belongs to something that is no checkpoint of any version.
 pub(crate) fn is_foreign(path: &Path) -> bool {
     let begins = |file: std::fs::File| {
         let mut start = [0; OURS.len()];
@@ -213,7 +214,7 @@ pub(crate) fn is_foreign(path: &Path) -> bool {
 fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_serde::encode::Error> {
     let mut bytes = MAGIC.to_vec();
     bytes.extend([0; 4]);
-    // Names of fields are kept, since the configuration leaves out what is not set.
+    // Field names are kept, since the configuration omits fields that are not set.
     rmp_serde::encode::write_named(&mut bytes, owner)?;
     if let Some(state) = state {
         rmp_serde::encode::write_named(&mut bytes, state)?;
@@ -244,7 +245,7 @@ fn decode(bytes: &[u8], owner: &Owner) -> Loaded {
     }
 }
 
-/// Puts bytes under a name, on the device, or leaves what was there.
+/// Writes bytes under a name and syncs them, or leaves the old file.
 fn replace(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let partial = Partial::create(path, &Reads::default())?;
     partial.file().write_all(bytes).map_err(Error::io("write", path))?;

@@ -1,5 +1,4 @@
-//! The end of a recording that was followed: the last annotations, the annotated recording, and no more of what belongs
-//! to a tail. How the recording is written is left to the [batch path](crate::run::batch).
+//! End of a followed recording: the last annotations, the annotated recording, and removal of the tail's own files.
 
 use std::path::Path;
 
@@ -21,17 +20,17 @@ use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::tail::checkpoint::{Split, State};
 
-/// What is there of a recording at its end.
+/// State of a recording's files at its end.
 enum Remains {
-    /// All that was read.
+    /// The bytes that were read.
     Same(Input),
-    /// Something else, which is to be read anew.
+    /// Other bytes, which must be read anew.
     Other(Input),
     Nothing,
 }
 
 impl Shell<'_> {
-    /// Everything has been read.
+    /// Finishes a recording whose bytes have all been read.
     pub(super) fn end(&mut self, mut course: Progression, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
         if ending == Ending::Truncated {
             let what = "the file was cut off or written anew while it was followed: what stood there is lost";
@@ -61,8 +60,8 @@ impl Shell<'_> {
         let splits: Vec<_> = done.into_iter().chain([here]).collect();
         let input = match remains {
             Remains::Other(input) => return self.annotate(&input, ending, tell),
-            // The batch run does not read everything, so that it may know of less damage, but of files that never began; and
-            // what is corrected by the last calibration is written by it alone.
+            // The batch run does not read everything, so it may report less damage, except for files that never began;
+            // and only the batch run can correct messages by the last calibration.
             Remains::Same(input)
                 if learned.damages > 0
                     || learned.apart
@@ -92,13 +91,13 @@ impl Shell<'_> {
         Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
     }
 
-    /// Leaves the whole recording to the batch path.
+    /// Hands the whole recording to the batch path.
     fn annotate(&mut self, input: &Input, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
         let options = self.following.options;
         let (report, written) = self.patiently(tell, |shell| shell.leave_to_batch(input, &shell.output, options))?;
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
-            // It takes the place of the one that grew, whose lock would keep us out ourselves.
+            // It replaces the one that grew, whose lock would otherwise exclude this process itself.
             self.appending.unlock()?;
             self.patiently(tell, |shell| shell.leave_to_batch(input, shell.appending.path(), options))?;
             self.forget()?;
@@ -132,7 +131,7 @@ impl Shell<'_> {
         batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }
 
-    /// Makes a recording of the sidecar, to stay.
+    /// Completes the sidecar, which stays.
     fn close(&mut self, sidecar: Option<Sidecar>, tell: Tell<'_>) -> Result<(), Error> {
         if let Some(sidecar) = sidecar {
             self.complete(sidecar, tell)?;
@@ -157,7 +156,7 @@ impl Shell<'_> {
         self.patiently(tell, |shell| shell.appending.flush())
     }
 
-    /// Keeps the annotations of a recording that is not the one to be followed, since nothing else may hold them any more.
+    /// Keeps the annotations of an earlier recording under another name, since nothing else may hold them any more.
     pub(super) fn set_aside(&mut self, state: Option<State>, tell: Tell<'_>) -> Result<(), Error> {
         if self.appending.length() == 0 {
             return Ok(());
@@ -166,7 +165,7 @@ impl Shell<'_> {
             && length <= self.appending.length()
             && self.indexes.resume(indexes)?
         {
-            // Of later ones it knows nothing yet.
+            // The state does not know of blocks written after it.
             let mut next = self.appending.blocks(learner.topics());
             let (mut seen, mut later) = (0, Vec::new());
             while let Ok(Some(block)) = next() {
@@ -186,7 +185,7 @@ impl Shell<'_> {
         let path = self.appending.path().to_owned();
         let aside = set_aside(&path)?;
         tell(News::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
-        // Last: the next run would take what has no checkpoint for somebody else's.
+        // Last: the next run would take a sidecar without a checkpoint for somebody else's.
         self.forget()?;
         self.appending = SidecarFile::open(&path)?;
         Ok(())
@@ -194,7 +193,7 @@ impl Shell<'_> {
 }
 
 impl Progression {
-    /// What is there of the recording, now that nothing more is added to it.
+    /// Files of the recording, now that nothing more is added to it.
     fn remains(&self, ending: Ending) -> Result<Remains, Error> {
         if ending == Ending::Truncated {
             return Ok(Remains::Nothing);

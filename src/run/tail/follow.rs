@@ -1,5 +1,5 @@
-//! Reading a recording as it grows, and writing what it teaches, until nothing more is recorded. What then becomes of it
-//! is left to [`finish`](super::finish).
+//! Reading a recording as it grows and writing its annotations, until nothing more is recorded. Then
+//! [`finish`](super::finish) takes over.
 
 use std::time::{Duration, Instant};
 
@@ -12,30 +12,30 @@ use crate::run::batch;
 use crate::run::input::growing_file::{GrowingFile, Look};
 use crate::run::tail::checkpoint::StateOf;
 
-/// Reads of less would cost more than the bytes (1 MiB).
+/// Largest block to read; smaller reads would cost more than their bytes (1 MiB).
 const READ: usize = 1 << 20;
-/// A file that its recorder has left, for another name or for the next file, is given so long to go on.
+/// Wait for more bytes in a file that its recorder has left, for another name or the next file.
 const LEFT: Duration = Duration::from_secs(2);
-/// What looks finished, but has no end that can be read, or no further file yet, is given so long to go on.
+/// Wait for more when a recording looks finished, but has no readable end, or no further file yet.
 const CLOSED: Duration = Duration::from_secs(1);
 
-/// How far reading went.
+/// Result of reading.
 enum Reached {
-    /// All that is there.
+    /// All available bytes were read.
     Here,
     End,
-    /// What was there is gone.
+    /// Bytes that were there are gone.
     Loss,
 }
 
 impl Shell<'_> {
-    /// Follows to the end.
+    /// Follows the recording to its end.
     pub(super) fn record(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
         loop {
             let ending = self.record_file(course, tell)?;
             match self.await_next(course, ending, tell)? {
                 Ok(next) => {
-                    // No block reaches over into the next file.
+                    // No block extends into the next file.
                     course.learner.end_split();
                     self.write(course, tell)?;
                     course.log_indexes(&mut self.indexes);
@@ -104,7 +104,7 @@ impl Shell<'_> {
         let files = course.files();
         let began = Instant::now();
         loop {
-            // First, so that a file which begins meanwhile is not overlooked.
+            // First, so that a file that begins meanwhile is not overlooked.
             let listed = course.trail.ends_with(&files);
             if let Some(next) = course.trail.next(&files)? {
                 return Ok(Ok(next));
@@ -124,12 +124,12 @@ impl Shell<'_> {
         }
     }
 
-    /// Reads what is there, and writes what it teaches.
+    /// Reads the available bytes and writes the annotations.
     fn read(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Reached, Error> {
         let before = course.scan.offset();
         let reached = loop {
             let event = match course.scan.next_event() {
-                // What a later file lacks does not undo the ones before. It may begin yet.
+                // An unusable later file does not undo the ones before. It may still begin.
                 Err(_) if !course.done.is_empty() => {
                     course.scan = Scan::new().within_limits(self.config.limits.of_recordings());
                     break Reached::Here;
@@ -176,7 +176,7 @@ impl Shell<'_> {
         Ok(reached)
     }
 
-    /// Writes the blocks that were closed. A full disk is waited for.
+    /// Writes the closed blocks. Waits while the disk is full.
     fn write(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<(), Error> {
         if !course.learner.has_blocks() {
             return Ok(());
@@ -185,7 +185,7 @@ impl Shell<'_> {
             // A sidecar without a checkpoint is somebody else's.
             self.patiently(tell, |shell| shell.checkpoint.mark(&shell.owner))?;
         }
-        // Not before they can be kept: what has been taken and is not in the sidecar would be lost to the checkpoint.
+        // Not before they can be kept: a checkpoint would lose blocks that were taken and are not in the sidecar.
         let blocks: Vec<_> = course.learner.take_blocks().collect();
         self.append(course, &blocks)?;
         self.patiently(tell, |shell| shell.appending.flush())
@@ -217,7 +217,7 @@ impl Shell<'_> {
         }
     }
 
-    /// Saves where it stands, if that is a place to go on from: all that was learned is written.
+    /// Saves the state if it can be resumed: all that was learned is written.
     pub(super) fn save(&mut self, course: &mut Progression) -> Result<(), Error> {
         if course.learner.has_blocks() || self.appending.has_pending() || !self.indexes.is_durable() {
             return Ok(());
@@ -225,7 +225,7 @@ impl Shell<'_> {
         course.log_indexes(&mut self.indexes);
         let Some(position) = course.scan.position() else { return Ok(()) };
         if !course.growing.passed(course.scan.offset())? {
-            // It was written anew, which the next look at it will find out.
+            // It was rewritten, which the next look detects.
             return Ok(());
         }
         let indexes = self.indexes.flush()?;

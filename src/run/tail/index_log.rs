@@ -1,6 +1,6 @@
-//! Index log: the chunk indexes of a recording that is followed, and of its sidecar, in a file beside the checkpoint.
+//! Index log: the chunk indexes of a followed recording and of its sidecar, in a file beside the checkpoint.
 //!
-//! They grow with the recording and never change, so that a checkpoint that held them would be rewritten for ever longer.
+//! They grow with the recording and never change; a checkpoint that contained them would take ever longer to rewrite.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -13,25 +13,25 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::run::input::regular;
 
-/// What it begins with.
+/// First bytes of the file.
 const MAGIC: &[u8; 16] = b"stillpointindex1";
-/// More than this is not kept in memory (256 KiB).
+/// Most bytes kept in memory (256 KiB).
 const ROOM: usize = 256 << 10;
-/// Of an item: kind and length.
+/// Length of an item's head in bytes: kind and length.
 const HEAD: usize = 1 + 4;
 
-/// What an item holds.
+/// Content of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Chunk indexes of the recording.
     Chunks = 0,
-    /// Its chunks whose message indexes are damaged.
+    /// Chunks of the recording with damaged message indexes.
     Reindexed = 1,
     /// Chunk indexes of the sidecar.
     Sidecar = 2,
 }
 
-/// How far a log is written, and the CRC-32 of that.
+/// Written length of a log in bytes, and the CRC-32 of these bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Mark {
     pub(super) length: u64,
@@ -42,27 +42,27 @@ pub(super) struct Mark {
 #[derive(Debug)]
 pub(super) struct IndexLog {
     path: PathBuf,
-    /// Whether something else stands there. It stays, and the log has no name.
+    /// Whether something else has the name. It stays, and the log is unnamed.
     foreign: bool,
-    /// `None` before anything was written.
+    /// `None` before the first write.
     file: Option<File>,
     written: Mark,
     pending: Vec<u8>,
 }
 
 impl IndexLog {
-    /// An empty one, of which nothing is on the disk yet.
+    /// An empty log, without a file.
     pub(super) fn new(path: PathBuf) -> Self {
         let foreign = path.symlink_metadata().is_ok() && !is_ours(&path);
         Self { path, foreign, file: None, written: Mark::default(), pending: Vec::new() }
     }
 
-    /// Whether it outlives a kill, so that a checkpoint may count on it.
+    /// Whether it survives a kill, so that a checkpoint may rely on it.
     pub(super) fn is_durable(&self) -> bool {
         !self.foreign
     }
 
-    /// Goes on behind a mark; `false` if what stood in front of it is not there any more.
+    /// Continues behind a mark; `false` if the bytes in front of it are gone.
     pub(super) fn resume(&mut self, mark: Mark) -> Result<bool, Error> {
         self.pending.clear();
         (self.file, self.written) = (None, Mark::default());
@@ -85,7 +85,7 @@ impl IndexLog {
         Ok(true)
     }
 
-    /// Takes an item; nothing without bytes.
+    /// Appends an item, unless it has no bytes.
     pub(super) fn push(&mut self, kind: Kind, bytes: &[u8]) {
         if !bytes.is_empty() {
             self.pending.push(kind as u8);
@@ -94,12 +94,12 @@ impl IndexLog {
         }
     }
 
-    /// Whether more is held in memory than ought to be.
+    /// Whether more bytes are pending than should stay in memory.
     pub(super) fn is_full(&self) -> bool {
         self.pending.len() > ROOM
     }
 
-    /// Writes what it was given. What could not be written is written the next time.
+    /// Writes the pending items. If that fails, the next call tries again.
     pub(super) fn flush(&mut self) -> Result<Mark, Error> {
         if self.pending.is_empty() {
             return Ok(self.written);
@@ -118,13 +118,13 @@ impl IndexLog {
         Ok(self.written)
     }
 
-    /// The file, to be put on the device.
+    /// Handle of the file, for syncing.
     pub(super) fn file(&self) -> Result<Option<File>, Error> {
         let file = self.file.as_ref().map(File::try_clone).transpose();
         file.map_err(Error::io("write", &self.path))
     }
 
-    /// The items that stand between two places, in order.
+    /// Passes on the items of a byte range, in order.
     pub(super) fn items(
         &self,
         range: std::ops::Range<u64>,
@@ -149,7 +149,7 @@ impl IndexLog {
         Ok(())
     }
 
-    /// Makes the file, in the place of one that a killed run left.
+    /// Creates the file, replacing one that a killed run left.
     fn begin(&self) -> io::Result<File> {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if is_ours(&self.path) {
@@ -163,7 +163,7 @@ impl IndexLog {
         Ok(file)
     }
 
-    /// Forgets everything, on the disk too.
+    /// Forgets all items and removes the file.
     pub(super) fn remove(&mut self) -> Result<(), Error> {
         self.file = None;
         (self.written, self.pending) = (Mark::default(), Vec::new());

@@ -1,5 +1,4 @@
-//! Where a recording grows: one file, or a folder into which its recorder begins one file after the other. What stands
-//! in the files is left to [`Scan`](crate::record::Scan).
+//! Location of a growing recording: one file, or a folder into which its recorder writes one file after the other.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +7,7 @@ use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::rosbag2;
 use crate::run::input::splits::Input;
 
-/// The place of a recording.
+/// Location of a recording.
 #[derive(Debug)]
 pub(super) enum Location {
     File(PathBuf),
@@ -16,7 +15,7 @@ pub(super) enum Location {
 }
 
 impl Location {
-    /// By what is there now.
+    /// Folder or file, as the path is now.
     pub(super) fn of(path: &Path) -> Self {
         let path = path.to_owned();
         if path.is_dir() { Self::Folder(path) } else { Self::File(path) }
@@ -28,18 +27,18 @@ impl Location {
         }
     }
 
-    /// Whether there may be several files, which have names in it.
+    /// Whether there may be several files, distinguished by name.
     pub(super) fn has_names(&self) -> bool {
         matches!(self, Self::Folder(_))
     }
 
-    /// What a file of the recording is called in it; `None` where there is but one.
+    /// Name of a file of the recording; `None` if there is only one file.
     pub(super) fn name_of(&self, file: &Path) -> Option<String> {
         let name = |file: &Path| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.has_names().then(|| name(file))
     }
 
-    /// The file that comes behind those, if it has begun.
+    /// The file that follows those, if it has begun.
     pub(super) fn next(&self, behind: &[&str]) -> Result<Option<GrowingFile>, Error> {
         match (self, behind) {
             (Self::File(path), []) => GrowingFile::open(path),
@@ -47,10 +46,10 @@ impl Location {
             (Self::Folder(folder), _) => {
                 let files = rosbag2::files(folder);
                 if files.is_empty() && rosbag2::is_finished(folder) {
-                    // Which says why nothing is to be expected.
+                    // The error says why nothing is to be expected.
                     return Input::open(folder).map(|_| None);
                 }
-                // What a finished recording lists comes first, and in that order.
+                // Files that a finished recording lists come first, in that order.
                 let files = rosbag2::listed(folder).into_iter().flatten().chain(files);
                 let next = files.into_iter().find(|name| !behind.contains(&name.as_str()));
                 next.map_or(Ok(None), |name| GrowingFile::open(&folder.join(name)))
@@ -58,7 +57,7 @@ impl Location {
         }
     }
 
-    /// Opens a file of the recording once more.
+    /// Reopens a file of the recording.
     pub(super) fn again(&self, name: &str) -> Result<Option<GrowingFile>, Error> {
         GrowingFile::open(&match self {
             Self::File(path) => path.clone(),

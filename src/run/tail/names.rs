@@ -1,5 +1,4 @@
-//! What the files are called that belong to a result, and those of one that makes way for the next of its name. What
-//! stands in them is left to the callers.
+//! Names of a result's files, and of results that give way to the next recording of the same name.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,28 +7,28 @@ use crate::Error;
 use crate::run::output::names::{with_ending, without_ending};
 use crate::run::output::partial::rename_new;
 
-/// So many results of recordings that lost their name are kept.
+/// Most results of one name that are kept after their recordings lost it.
 const KEPT: u32 = 100;
 
-/// Where the annotations stand while a recording is followed: beside the output.
+/// Path of the annotations while a recording is followed: beside the output.
 pub fn sidecar_of(output: &Path) -> PathBuf {
     let name = output.file_name().unwrap_or_default();
-    // Nothing else, so that two outputs share no sidecar.
+    // Only these endings are removed, so that two outputs share no sidecar.
     let stem = without_ending(name, &[".annotated.mcap", ".mcap", ".annotated"]).unwrap_or(name);
     output.with_file_name(with_ending(stem, ".stillpoint.mcap"))
 }
 
-/// Where it stands how far the following has come: beside the sidecar.
+/// Path of the checkpoint: beside the sidecar.
 pub(crate) fn checkpoint_of(sidecar: &Path) -> PathBuf {
     sidecar.with_extension("checkpoint")
 }
 
-/// Where the chunk indexes stand that the checkpoint counts on: beside it.
+/// Path of the index log: beside the sidecar.
 pub(crate) fn index_log_of(sidecar: &Path) -> PathBuf {
     sidecar.with_extension("indexes")
 }
 
-/// Gives a result another name, since its recording has lost its own.
+/// Renames a result whose recording lost its name.
 pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let name = result.file_name().unwrap_or_default();
     let endings = [".annotated.mcap", ".stillpoint.mcap", ".annotated"];
@@ -44,7 +43,7 @@ pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
             return Err(Error::input(result, why));
         };
         match rename_new(result, &aside) {
-            // It has been taken just now.
+            // The name has been taken just now.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             done => return done.map(|()| aside).map_err(Error::io("rename", result)),
         }

@@ -1,4 +1,4 @@
-//! What stays the same while a recording is followed: how, into which files, and until when.
+//! Constant parts of following a recording: options, files and limits.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -13,43 +13,43 @@ use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::stop::Stop;
 
-/// Between two attempts at what is in the way.
+/// Wait between two attempts after a passing error.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// Who asks to stop waits no longer than this.
+/// Longest sleep without checking for a stop request.
 const NAP: Duration = Duration::from_millis(50);
 
-/// How to follow.
+/// Options of following.
 #[derive(Clone, Debug)]
 pub struct Following {
-    /// Between two looks at the recording.
+    /// Interval between two looks at the recording.
     pub poll: Duration,
-    /// A recording that does not grow for so long was given up by its recorder.
+    /// Time without growth after which the recorder counts as gone.
     pub idle: Duration,
-    /// How long to wait for the recording to begin; for ever if `None`.
+    /// Longest wait for the recording to begin; unlimited if `None`.
     pub patience: Option<Duration>,
-    /// Whether the sidecar stays when the annotated recording is there.
+    /// Whether the sidecar stays beside the annotated recording.
     pub keep_sidecar: bool,
-    /// How to write the annotated recording.
+    /// Options of the annotated recording.
     pub options: Options,
 }
 
-/// What a recording came to.
+/// Outcome of a followed recording.
 #[derive(Debug)]
 pub struct Tailed {
-    /// What was found in it.
+    /// Findings of the recording.
     pub report: Report,
-    /// Its length in bytes.
+    /// Length of the recording in bytes.
     pub length: u64,
-    /// Where it is: the annotated recording, or the sidecar of one whose bytes are lost.
+    /// Path of the annotated recording, or of the sidecar if the recording's bytes are lost.
     pub output: PathBuf,
-    /// Whether that was there before.
+    /// Whether the output existed before.
     pub written: Written,
-    /// Why nothing more was recorded.
+    /// Reason why nothing more was recorded.
     pub ending: Ending,
 }
 
-/// What stays the same while a recording is followed, and the files that belong to it.
+/// Constant parts of following a recording, and the files that belong to it.
 pub(super) struct Shell<'a> {
     pub(super) output: PathBuf,
     pub(super) config: &'a Config,
@@ -62,8 +62,8 @@ pub(super) struct Shell<'a> {
 }
 
 impl Shell<'_> {
-    /// Does what passing trouble may hinder (a full disk, a server out of reach), again and again for as long as an idle
-    /// recorder would be waited for.
+    /// Retries an action that passing trouble may hinder (a full disk, an unreachable server), for as long as it would
+    /// wait for an idle recorder.
     pub(super) fn patiently<T>(
         &mut self,
         tell: Tell<'_>,
@@ -102,7 +102,7 @@ impl Shell<'_> {
         self.forget()
     }
 
-    /// Removes what it would go on with.
+    /// Removes the checkpoint and the index log.
     pub(super) fn forget(&mut self) -> Result<(), Error> {
         self.checkpoint.remove()?;
         self.indexes.remove()

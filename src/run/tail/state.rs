@@ -1,5 +1,5 @@
-//! How far the following of a recording has come: all that changes with its bytes. Reading them is left to
-//! [`follow`](super::follow), saving where it stands to [`Checkpoint`](crate::run::tail::checkpoint::Checkpoint).
+//! Progress of a followed recording: everything that changes with its bytes. [`follow`](super::follow) reads them,
+//! [`Checkpoint`](crate::run::tail::checkpoint::Checkpoint) saves the state.
 
 use super::index_log::{IndexLog, Kind};
 use super::location::Location;
@@ -18,20 +18,20 @@ pub(super) struct Progression {
     pub(super) trail: Location,
     /// Files that have been read to their ends.
     pub(super) done: Vec<Split>,
-    /// The file that is read.
+    /// The file that is being read.
     pub(super) growing: GrowingFile,
     pub(super) scan: Scan,
     pub(super) learner: Learner,
-    /// `None` before it has begun.
+    /// `None` before its first block.
     pub(super) sidecar: Option<Sidecar>,
-    /// Of the first file.
+    /// Profile of the first file.
     pub(super) profile: String,
-    /// In the sidecar.
+    /// Number of blocks in the sidecar.
     pub(super) blocks: u64,
 }
 
 impl Progression {
-    /// Takes up what a killed run had done, or begins.
+    /// Resumes the work of a killed run, or begins anew.
     pub(super) fn begin(
         shell: &mut Shell<'_>,
         trail: Location,
@@ -58,7 +58,7 @@ impl Progression {
             }
             Loaded::Nothing => {}
         }
-        // What is there of this recording is found again.
+        // Annotations that exist of this recording are found again.
         shell.appending.begin_anew()?;
         shell.indexes.remove()?;
         let mut learner = Learner::new(shell.config);
@@ -96,7 +96,7 @@ impl Progression {
         Ok(course)
     }
 
-    /// Takes in what a killed run had learned.
+    /// Restores the learner's state from the blocks of a killed run.
     fn recall(&mut self, sidecar: &SidecarFile, stop: &Stop) -> Result<(), Error> {
         let topics = self.learner.topics().to_vec();
         let mut next = sidecar.blocks(&topics);
@@ -108,7 +108,7 @@ impl Progression {
         Ok(())
     }
 
-    /// Begins the next file. All that was learned of the one before has been written.
+    /// Begins the next file. The annotations of the one before have been written.
     pub(super) fn turn_to(&mut self, next: GrowingFile, indexes: u64, tell: Tell<'_>) -> Result<(), Error> {
         let name = self.trail.name_of(next.path());
         tell(News::Split(name.as_deref().unwrap_or_default()));
@@ -127,20 +127,20 @@ impl Progression {
         Ok(())
     }
 
-    /// Hands over chunk indexes, which are not kept in memory.
+    /// Moves chunk indexes into the log; they are not kept in memory.
     pub(super) fn log_indexes(&mut self, log: &mut IndexLog) {
         log.push(Kind::Chunks, &self.scan.take_indexes());
         log.push(Kind::Reindexed, &self.scan.take_reindexed());
         self.sidecar.iter_mut().for_each(|sidecar| log.push(Kind::Sidecar, &sidecar.take_indexes()));
     }
 
-    /// Names of the files that have been begun, in a folder.
+    /// Names of the files that have begun, in a folder.
     pub(super) fn files(&self) -> Vec<&str> {
         let here = self.growing.path().file_name().and_then(|name| name.to_str()).unwrap_or_default();
         self.done.iter().map(|split| split.name.as_str()).chain([here]).collect()
     }
 
-    /// Bytes of the recording that have been read.
+    /// Number of bytes of the recording that have been read.
     pub(super) fn offset(&self) -> u64 {
         self.behind() + self.scan.offset()
     }
@@ -157,7 +157,7 @@ impl Progression {
     }
 }
 
-/// The file that a killed run was reading, if all that it had read is still there.
+/// The file that a killed run was reading, if all bytes that it read are still there.
 fn find(trail: &Location, state: &State) -> Result<Option<GrowingFile>, Error> {
     // A folder and a file beside it may have results of the same stem.
     if trail.has_names() == state.name.is_empty() {
@@ -173,10 +173,11 @@ fn find(trail: &Location, state: &State) -> Result<Option<GrowingFile>, Error> {
     Ok(growing.recognise(&state.known)?.then_some(growing))
 }
 
-/// The file, known by its magic alone: right behind the header may stand the length of a chunk that is not closed yet.
+/// Prepares a file to be recognised by its magic alone: the length of a chunk that is still open may come right behind
+/// the header.
 fn from_the_start(mut growing: GrowingFile) -> Result<GrowingFile, Error> {
     let mut start = [0; START];
-    // What has been set aside for it on the disk is no beginning yet.
+    // Preallocated space is no beginning yet.
     if growing.length() >= START as u64 && growing.read(&mut start, 0)? && is_beginning(&start) {
         growing.passed(START as u64)?;
     }
@@ -195,7 +196,7 @@ mod tests {
         let header = [mcap::MAGIC, &[1; 30]].concat();
         std::fs::write(&path, [header.as_slice(), &[6], &[0xFF; 8], &[0; 40]].concat()).unwrap();
         let mut growing = from_the_start(GrowingFile::open(&path).unwrap().unwrap()).unwrap();
-        // Written over in its place, and further.
+        // Overwritten in place, and longer.
         let mut file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
         std::io::Write::write_all(&mut file, &[header.as_slice(), &[6], &[0; 300]].concat()).unwrap();
         assert_eq!(growing.look().unwrap(), Look::Grown);

@@ -1,5 +1,5 @@
-//! Which recordings there are in a directory, and what tells one from another of its name. What has become of them is
-//! left to [`results`](super::results).
+//! Recordings in a directory, and stamps that distinguish them from others of the same name.
+//! [`results`](super::results) tells their state.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -13,17 +13,17 @@ use crate::Error;
 use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::rosbag2;
 
-/// A recording, as far as it can be told from another one of its name.
+/// Length and times of a recording, which distinguish it from another one of the same name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Stamp {
     pub(super) length: u64,
     pub(super) modified_ns: u64,
-    /// Also when its owner or mode was changed, so that what could not be read is tried again.
+    /// Time of the last change, including owner and mode, so that an unreadable recording is tried again.
     changed_ns: u64,
 }
 
 impl Stamp {
-    /// Of a file, or of all that belongs to a rosbag2 folder.
+    /// Stamp of a file, or of all files of a rosbag2 folder.
     pub(super) fn of(recording: &Path) -> Option<Self> {
         let metadata = std::fs::metadata(recording).ok()?;
         let own = Self::new(&metadata);
@@ -53,7 +53,7 @@ impl Stamp {
         }
     }
 
-    /// Whether nothing has been added to it for so long.
+    /// Whether nothing has been added for that long.
     pub(super) fn is_idle(&self, idle: Duration) -> bool {
         let modified = SystemTime::UNIX_EPOCH + Duration::from_nanos(self.modified_ns);
         modified.elapsed().is_ok_and(|age| age >= idle)
@@ -70,8 +70,8 @@ pub(super) fn is_finished(recording: &Path) -> bool {
     rosbag2::is_finished(recording) && last.is_some_and(|last| closed(&recording.join(last)))
 }
 
-/// The recordings in a folder and its folders, without what Stillpoint wrote and what is hidden. A rosbag2 folder is one.
-/// Links are not followed: what they lead to has a name of its own.
+/// Recordings in a folder and its subfolders, without results of Stillpoint and hidden files. A rosbag2 folder is one
+/// recording. Links are not followed: their targets have names of their own.
 pub(super) fn recordings(folder: &Path) -> Result<BTreeMap<PathBuf, Stamp>, Error> {
     let mut found = BTreeMap::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io("read", folder))? {
@@ -88,7 +88,7 @@ pub(super) fn recordings(folder: &Path) -> Result<BTreeMap<PathBuf, Stamp>, Erro
         if is_recording {
             found.extend(Stamp::of(&path).map(|stamp| (path, stamp)));
         } else if kind.is_dir() {
-            // What cannot be read now may be read the next time.
+            // A folder that cannot be read now may be readable the next time.
             found.extend(recordings(&path).unwrap_or_default());
         }
     }

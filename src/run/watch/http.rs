@@ -1,4 +1,4 @@
-//! `/healthz`, `/readyz` and `/metrics` over HTTP. What they say is left to [`Metrics`].
+//! `/healthz`, `/readyz` and `/metrics` over HTTP. [`Metrics`] provides the content.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -18,19 +18,18 @@ use tokio::task::AbortHandle;
 use crate::Error;
 use crate::run::watch::metrics::Metrics;
 
-/// Connections at a time; who asks for numbers needs few. The next one takes the place of the oldest, so that those who
-/// ask nothing keep nobody out.
+/// Most connections at a time; metrics need few. The next one replaces the oldest, so that silent ones keep nobody out.
 const CONNECTIONS: usize = 32;
-/// A connection that takes longer is given up, whether it asks, listens or does neither.
+/// Longest time of a connection, whether it sends, receives or does neither.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// A service that has not looked through its directory for so long is not healthy.
+/// Time without a look through the directory after which the service is unhealthy.
 const ALIVE: Duration = Duration::from_secs(60);
 
-/// Serves until the process ends, and tells at which address.
+/// Serves until the process ends; returns the address.
 ///
 /// # Errors
 ///
-/// If the address cannot be had.
+/// If it cannot listen on the address.
 pub fn serve(address: SocketAddr, metrics: Arc<Metrics>) -> Result<SocketAddr, Error> {
     let refused = |error| Error::io("listen on", address.to_string().as_ref())(error);
     let listener = TcpListener::bind(address).and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
@@ -63,7 +62,7 @@ async fn accept(listener: TcpListener, metrics: Arc<Metrics>) {
                 .keep_alive(false)
                 .header_read_timeout(PATIENCE)
                 .serve_connection(TokioIo::new(stream), answer);
-            // A client that went away, or does not, is no matter.
+            // A client that goes away or stalls does not matter.
             let _ = tokio::time::timeout(PATIENCE, connection).await;
         });
         open.push_back(connection.abort_handle());

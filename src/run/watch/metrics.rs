@@ -1,4 +1,4 @@
-//! What a service counts, and the text in which Prometheus asks for it. Serving it is left to [`serve`](crate::run::watch::http).
+//! Counters of a service, and their text for Prometheus. [`serve`](crate::run::watch::http) serves it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,7 +12,7 @@ use crate::printable;
 use crate::run::batch::Report;
 use crate::run::stop::Stop;
 
-/// Shared by all who count.
+/// Counters shared by all work.
 #[derive(Debug, Default)]
 pub struct Metrics(Mutex<Counts>);
 
@@ -28,26 +28,26 @@ struct Counts {
     /// Recordings by state.
     states: BTreeMap<&'static str, u64>,
     followed: BTreeMap<PathBuf, FollowedCounts>,
-    /// When the directory was looked through last.
+    /// Time of the last look through the directory.
     round: Option<Instant>,
-    /// Who is at work on which recording.
+    /// Stop requests of the work in progress, by recording.
     working: BTreeMap<PathBuf, Stop>,
 }
 
-/// A recording while it is followed: what of it has been counted, so that nothing is counted twice when it is read again.
+/// Counts of a recording that is followed, so that nothing is counted twice when it is read again.
 #[derive(Debug, Default)]
 struct FollowedCounts {
     rests: u64,
-    /// Of the findings told since the last [`News::Read`].
+    /// Rests in the findings since the last [`News::Read`].
     seen: u64,
     read: u64,
     length: u64,
-    /// Since when there has been something to read.
+    /// Time since which unread bytes wait without progress.
     behind: Option<Instant>,
 }
 
 impl Metrics {
-    /// Counts what is told of a recording.
+    /// Counts news of a recording.
     pub fn note(&self, recording: &Path, news: &News<'_>) {
         let counts = &mut *self.lock();
         match news {
@@ -68,41 +68,41 @@ impl Metrics {
         }
     }
 
-    /// Work on a recording begins, of which `stop` is asked as it goes on.
+    /// Registers work on a recording; `stop` shows its last check.
     pub fn begin(&self, recording: &Path, stop: Stop) {
         self.lock().working.insert(recording.to_owned(), stop);
     }
 
-    /// Work on a recording has ended, however it did.
+    /// Removes work on a recording that ended, in whatever way.
     pub fn end(&self, recording: &Path) {
         self.lock().working.remove(recording);
     }
 
-    /// Counts a recording that is done.
+    /// Counts a finished recording.
     pub fn done(&self, recording: &Path, report: &Report, length: u64) {
         let counts = &mut *self.lock();
         counts.reach(recording, report.imus.iter().map(|imu| imu.rests.len() as u64).sum(), length);
         counts.followed.remove(recording);
     }
 
-    /// A recording is not followed any more.
+    /// Forgets a recording that is no longer followed.
     pub fn forget(&self, recording: &Path) {
         self.lock().followed.remove(recording);
     }
 
-    /// Counts something that went wrong.
+    /// Counts an error.
     pub fn error(&self) {
         self.lock().errors += 1;
     }
 
-    /// The directory was looked through, and holds so many recordings in each state.
+    /// Records a look through the directory, with the number of recordings in each state.
     pub fn round(&self, states: BTreeMap<&'static str, u64>) {
         let counts = &mut *self.lock();
         counts.states = states;
         counts.round = Some(Instant::now());
     }
 
-    /// Whether the directory has been looked through lately, and work on every recording goes on.
+    /// Whether the last look through the directory, and the last sign of work on every recording, are recent.
     pub fn is_alive(&self, within: Duration) -> bool {
         let counts = self.lock();
         let goes_on = counts.working.values().all(|work| work.silence() < within);
@@ -114,7 +114,7 @@ impl Metrics {
         self.lock().round.is_some()
     }
 
-    /// Everything, in the text format of Prometheus.
+    /// All metrics in the text format of Prometheus.
     pub fn text(&self) -> String {
         let counts = &*self.lock();
         let mut out = String::new();
@@ -149,7 +149,7 @@ impl Metrics {
     }
 
     fn lock(&self) -> MutexGuard<'_, Counts> {
-        // Numbers are whole even if someone panicked beside them.
+        // The numbers are valid even if a thread panicked while it held the lock.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -159,7 +159,7 @@ impl Counts {
         self.followed.entry(recording.to_owned()).or_default()
     }
 
-    /// Counts how far a recording has come, as far as that is new.
+    /// Counts the progress of a recording, as far as it is new.
     fn reach(&mut self, recording: &Path, rests: u64, read: u64) {
         let followed = self.followed(recording);
         let (new_rests, new_bytes) = (rests.saturating_sub(followed.rests), read.saturating_sub(followed.read));
@@ -175,7 +175,7 @@ impl Counts {
     }
 }
 
-/// A path as the value of a label.
+/// A path as a label value.
 fn escaped(path: &Path) -> String {
     printable(&path.display().to_string()).replace('\\', "\\\\").replace('"', "\\\"")
 }

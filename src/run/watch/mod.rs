@@ -1,4 +1,4 @@
-//! A directory as a service: its recordings are followed and annotated, and it says how it is.
+//! A directory as a service: its recordings are followed and annotated, and its health is reported.
 
 mod discovery;
 mod http;

@@ -1,5 +1,5 @@
-//! Where the results of a watch go, and what they say of a recording: whether it was annotated, or is left alone. There
-//! is nothing else that a restart would need.
+//! Paths of a watch's results, and the state of a recording by them: annotated, or left alone. A restart needs nothing
+//! else.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -18,22 +18,22 @@ use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
 use crate::run::tail::{checkpoint, checkpoint_of, set_aside, sidecar_of};
 
-/// Every recording may take so long, and a second more for each MiB.
+/// Time limit of every recording, plus one second for each MiB.
 const LEAST_TIME: Duration = Duration::from_secs(600);
 
-/// No note is longer (1 MiB).
+/// Longest note, in bytes (1 MiB).
 const LONGEST: u64 = 1 << 20;
 
-/// The file that says why a recording is left alone.
+/// A file that says why a recording is left alone.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Quarantine {
     pub(super) recording: PathBuf,
     #[serde(flatten)]
     pub(super) stamp: Stamp,
     pub(super) reason: String,
-    /// When it will be tried again, for people.
+    /// Time of the next attempt, for people.
     pub(super) next: String,
-    /// Of the configuration by which it was refused.
+    /// Fingerprint of the configuration that refused it.
     #[serde(default)]
     pub(super) configuration: u32,
 }
@@ -44,14 +44,14 @@ impl Quarantine {
         Self { recording: recording.to_owned(), stamp, reason, next, configuration }
     }
 
-    /// The note that stands there, unless something else does.
+    /// Reads the note at a path; `None` if it is none.
     pub(super) fn read(path: &Path) -> Option<Self> {
         let bytes = regular::open_own(path).and_then(|file| regular::read(file, LONGEST)).ok()?;
         serde_json::from_slice(&bytes).ok()
     }
 }
 
-/// A note beside a recording's result for as long as somebody works on it: one that is found says that a run died.
+/// A note beside a recording's result while work on it goes on: a note that is found means that a run died.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Attempt {
     stamp: Option<Stamp>,
@@ -61,7 +61,7 @@ pub(super) struct Attempt {
 }
 
 impl Attempt {
-    /// Notes that work on a recording begins. Where nothing can be written, nothing is known after a death either.
+    /// Writes the note that work on a recording begins. Where it cannot be written, a death goes unnoticed.
     pub(super) fn begin(path: PathBuf, recording: &Path) -> Self {
         let stamp = Stamp::of(recording);
         let deaths = stamp.as_ref().map_or(0, |stamp| Self::deaths(&path, stamp));
@@ -74,19 +74,19 @@ impl Attempt {
         attempt
     }
 
-    /// Work on it has ended.
+    /// Removes the note, since the work has ended.
     pub(super) fn end(self) {
         Self::forget(&self.path);
     }
 
-    /// Removes the note.
+    /// Removes the note at a path.
     pub(super) fn forget(path: &Path) {
         if Self::read(path).is_some() {
             let _ = std::fs::remove_file(path);
         }
     }
 
-    /// How many runs died over a recording that has not changed since.
+    /// Number of runs that died on a recording that has not changed since.
     pub(super) fn deaths(path: &Path, stamp: &Stamp) -> u32 {
         Self::read(path).filter(|attempt| attempt.stamp.as_ref() == Some(stamp)).map_or(0, |attempt| attempt.deaths)
     }
@@ -98,7 +98,7 @@ impl Attempt {
 }
 
 impl Watching {
-    /// Where the result of a recording goes.
+    /// Path of a recording's result.
     pub(super) fn output(&self, recording: &Path) -> PathBuf {
         let ending = if is_folder(recording) { "annotated" } else { "annotated.mcap" };
         self.place(recording, ending)
@@ -108,7 +108,7 @@ impl Watching {
         self.place(recording, "quarantine.json")
     }
 
-    /// Where it is noted that somebody works on a recording: hidden, beside its result.
+    /// Path of the note that work on a recording goes on: hidden, beside its result.
     pub(super) fn attempt(&self, recording: &Path) -> PathBuf {
         let place = self.place(recording, "stillpoint-attempt");
         let mut name = std::ffi::OsString::from(".");
@@ -116,7 +116,7 @@ impl Watching {
         place.with_file_name(name)
     }
 
-    /// How long work on a finished recording may take.
+    /// Longest time that work on a finished recording may take.
     pub(super) fn time_limit(&self, recording: &Path) -> Duration {
         let length = Stamp::of(recording).map_or(0, |stamp| stamp.length);
         self.time_limit.unwrap_or(LEAST_TIME + Duration::from_secs(length >> 20))
@@ -129,14 +129,14 @@ impl Watching {
         place.with_file_name(with_ending(stem.unwrap_or_default(), &format!(".{ending}")))
     }
 
-    /// What the outputs say of a recording.
+    /// State of a recording, by its outputs.
     pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> WatchState {
         let output = self.output(recording);
         let checkpoint = checkpoint_of(&sidecar_of(&output));
         if checkpoint.exists() && !checkpoint::is_foreign(&checkpoint) {
             return WatchState::Waiting;
         }
-        // One that is younger than its result may be another one, of the same length.
+        // A recording that is newer than the result may be another one of the same length.
         let younger = Stamp::of(&output).is_some_and(|output| stamp.modified_ns > output.modified_ns);
         if !younger && original_length(&output) == Some(length(recording, stamp)) {
             return WatchState::Annotated;
@@ -175,8 +175,8 @@ impl Watching {
     }
 }
 
-/// Sets aside what belongs to an earlier recording of the same name, one that went on after it had been given up, or one
-/// that was replaced. What was not brought to its end is left to the tail.
+/// Renames the results of an earlier recording of the same name: one that continued after it had been given up, or one
+/// that was replaced. The tail handles unfinished results.
 pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Result<(), Error> {
     let stamp =
         Stamp::of(recording).ok_or_else(|| Error::io("read", recording)(std::io::ErrorKind::NotFound.into()))?;
@@ -198,12 +198,12 @@ pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Res
     Ok(())
 }
 
-/// Length of a recording, which may have been annotated before.
+/// Length of a recording in bytes, without annotations that it may already have.
 pub(super) fn length(recording: &Path, stamp: &Stamp) -> u64 {
     original_length(recording).unwrap_or(stamp.length)
 }
 
-/// Length of the recording that a result belongs to.
+/// Length in bytes of the recording that a result belongs to.
 fn original_length(output: &Path) -> Option<u64> {
     let of_file = |file: &Path| match Recording::open(file).ok()?.kind().ok()? {
         Kind::Annotated { original, .. } => Some(original.length()),
@@ -212,7 +212,7 @@ fn original_length(output: &Path) -> Option<u64> {
     match output.is_dir() {
         true => {
             let files = rosbag2::files(output).into_iter().map(|name| output.join(name));
-            // What nothing was recorded into is there as it was.
+            // Files without any recording were copied as they were.
             let blank = |file: &Path| rosbag2::is_blank(file).then(|| std::fs::metadata(file).ok()).flatten();
             files.map(|file| of_file(&file).or_else(|| Some(blank(&file)?.len()))).sum()
         }
@@ -220,7 +220,7 @@ fn original_length(output: &Path) -> Option<u64> {
     }
 }
 
-/// A recording that is gone is known by its name.
+/// Whether a recording is a folder. One that is gone is judged by its name.
 fn is_folder(recording: &Path) -> bool {
     recording.is_dir() || recording.extension().is_none_or(|ending| ending != "mcap")
 }

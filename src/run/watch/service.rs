@@ -1,5 +1,5 @@
 //! A directory as a service: every recording in it is followed while it grows, annotated once, or put aside with the
-//! reason. Finding recordings is left to [`discovery`](super::discovery), where results go and what they say to [`results`](super::results).
+//! reason. [`discovery`](super::discovery) finds recordings, [`results`](super::results) tells their state.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,17 +18,18 @@ use crate::run::stop::Stop;
 use crate::run::tail::{Following, Tailed, set_aside, tail};
 use crate::run::watch::metrics::Metrics;
 
-/// Between two attempts at a recording: the first, doubled each time, …
+/// Wait after the first failed attempt at a recording; doubled after each further one.
 const FIRST_RETRY: Duration = Duration::from_secs(1);
-/// … up to the last.
+/// Longest wait between two attempts.
 const LAST_RETRY: Duration = Duration::from_secs(60);
-/// After so many attempts, what the system refuses is taken to be for good. A full disk never is, nor another stillpoint.
+/// Number of attempts after which a refusal by the system counts as permanent. A full disk and another stillpoint never
+/// do.
 const ATTEMPTS: u32 = 6;
 
-/// After so many runs died over a recording, it is left alone. Fewer may have been killed for other reasons.
+/// Number of runs that died on a recording after which it is left alone. Fewer may have been killed for other reasons.
 const DEATHS: u32 = 4;
 
-/// What became of a recording.
+/// Event in the work on a recording.
 #[derive(Debug)]
 pub enum Verdict<'a> {
     /// Work on it begins; whether its recorder has finished it.
@@ -41,7 +42,7 @@ pub enum Verdict<'a> {
     Again(&'a Error, Duration),
 }
 
-/// Who else is told what happens to a recording while it grows; asked for anew for each.
+/// Factory of further receivers for the news of a growing recording; called once for each recording.
 pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&News<'_>) + 'a> + Sync);
 
 #[derive(Debug)]
@@ -49,9 +50,9 @@ struct Entry {
     stamp: Stamp,
     state: WatchState,
     attempts: u32,
-    /// Runs that died while they worked on it.
+    /// Number of runs that died while they worked on it.
     deaths: u32,
-    /// Nothing more is to be expected of it, as it stands.
+    /// Whether nothing more is to be expected of it, as it is.
     finished: bool,
 }
 
@@ -60,7 +61,7 @@ struct Finished {
     result: Result<Tailed, Error>,
 }
 
-/// Watches until `stop` asks to stop; what is being followed then goes on with the next watch.
+/// Watches until `stop` asks to stop; the next watch resumes the recordings that are being followed.
 ///
 /// # Errors
 ///
@@ -81,7 +82,7 @@ pub fn watch(
     std::thread::scope(|scope| {
         let mut next_look = Instant::now();
         while stop.check().is_ok() {
-            // Not after each recording that is done: there may be thousands.
+            // Not after each finished recording: there may be thousands.
             if Instant::now() >= next_look {
                 watcher.look(fingerprint());
                 next_look = Instant::now() + watching.interval;
@@ -97,7 +98,7 @@ pub fn watch(
                             let why = panic.downcast_ref::<String>().map_or("unknown", String::as_str);
                             Err(Error::input(&path, format!("Stillpoint itself failed on it: {why}")))
                         });
-                        // Nobody listens any more once the watch ends.
+                        // Nobody receives it once the watch ends.
                         let _ = sender.send(Finished { path, result });
                     }
                 };
@@ -118,7 +119,7 @@ pub fn watch(
     Ok(())
 }
 
-/// Follows one recording, or works through a finished one.
+/// Follows one recording, or processes a finished one.
 fn one(
     watching: &Watching,
     path: &Path,
@@ -134,7 +135,7 @@ fn one(
     }
     let attempt = Attempt::begin(watching.attempt(path), path);
     let tailed = follow(watching, path, &output, finished, config, stop, metrics, show);
-    // However it ended, it did not take the process with it.
+    // However it ended, the process survived it.
     attempt.end();
     tailed
 }
@@ -153,7 +154,7 @@ fn follow(
     make_way(path, output, &|_| stop.check())?;
     let idle = if finished { Duration::ZERO } else { watching.following.idle };
     let following = Following { idle, ..watching.following.clone() };
-    // What is finished is worked through in no time: nobody could watch it.
+    // A finished recording is processed too fast for anyone to watch.
     let mut show = (!finished).then(show);
     let mut tell = |news: News<'_>| {
         metrics.note(path, &news);
@@ -170,7 +171,7 @@ fn follow(
 
 struct Watcher<'a> {
     watching: &'a Watching,
-    /// Of the configuration that is in force.
+    /// Fingerprint of the configuration in force.
     configuration: u32,
     entries: BTreeMap<PathBuf, Entry>,
     metrics: &'a Metrics,
@@ -178,7 +179,7 @@ struct Watcher<'a> {
 }
 
 impl Watcher<'_> {
-    /// Looks through the directory. What another configuration refused may be welcome.
+    /// Looks through the directory. After a change of the configuration, recordings that were refused are tried again.
     fn look(&mut self, configuration: u32) {
         if std::mem::replace(&mut self.configuration, configuration) != configuration {
             self.entries.retain(|_, entry| entry.state != WatchState::Quarantined);
@@ -209,7 +210,7 @@ impl Watcher<'_> {
         }
     }
 
-    /// The next recording to be worked on, and whether it is a finished one.
+    /// The next recording to be worked on, and whether it is finished.
     fn next(&mut self) -> Option<(PathBuf, bool)> {
         let running =
             |as_finished| self.entries.values().filter(|entry| entry.state == WatchState::Running(as_finished)).count();
@@ -229,13 +230,13 @@ impl Watcher<'_> {
             if !due {
                 continue;
             }
-            // Where there is no room for finished ones, those that are known to be are passed over unread.
+            // Without room for finished recordings, those known to be finished are skipped unread.
             if entry.finished && !room.contains(&(true, true)) {
                 continue;
             }
             entry.finished = entry.finished || self.watching.is_finished(path, &entry.stamp);
             let finished = entry.finished;
-            // What a run died over is worked on alone, so that it is known what the next one dies over.
+            // A recording on which a run died is worked on alone, so that the next death has a known cause.
             if in_doubt || entry.deaths > 0 && running_finished > 0 {
                 continue;
             }
@@ -247,7 +248,7 @@ impl Watcher<'_> {
         None
     }
 
-    /// Takes in results until it is time to look again.
+    /// Takes results until the next look is due.
     fn wait(&mut self, receiver: &Receiver<Finished>, stop: &Stop, until: Instant) {
         while stop.check().is_ok() && Instant::now() < until {
             match receiver.recv_timeout(Duration::from_millis(50).min(self.watching.interval)) {
@@ -272,7 +273,7 @@ impl Watcher<'_> {
                 entry.state = match tailed.ending {
                     // Another recording may have taken the name since.
                     Ending::Replaced | Ending::Truncated => WatchState::Waiting,
-                    // It has just been compared, whatever its times say.
+                    // Its output has just been compared, whatever its times say.
                     _ if tailed.written == Written::Before && is_its(tailed.length) => WatchState::Annotated,
                     Ending::Finished | Ending::Idle | Ending::Deleted => {
                         self.watching.state(&path, &now, self.configuration)
@@ -316,7 +317,7 @@ impl Watcher<'_> {
         }
         let quarantine = Quarantine::new(path, entry.stamp.clone(), reason, self.configuration);
         if self.watching.write(&quarantine).is_err() {
-            // It will be found out again after a restart.
+            // A restart will find it out again.
             self.metrics.error();
         }
         Attempt::forget(&self.watching.attempt(path));

@@ -1,34 +1,34 @@
-//! How to watch, and how a recording stands that is watched.
+//! Options of watching, and the state of a watched recording.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use crate::run::tail::Following;
 
-/// How to watch.
+/// Options of watching.
 #[derive(Clone, Debug)]
 pub struct Watching {
-    /// Where recordings appear; in its folders, too.
+    /// Folder in which recordings appear, also in its subfolders.
     pub folder: PathBuf,
-    /// Where results go, under the same names and folders; beside the recordings if `None`.
+    /// Folder of the results, under the same names and subfolders; beside the recordings if `None`.
     pub out: Option<PathBuf>,
-    /// Between two looks through the directory.
+    /// Interval between two looks through the directory.
     pub interval: Duration,
-    /// Growing recordings that are followed at a time.
+    /// Most growing recordings that are followed at a time.
     pub growing: usize,
-    /// Finished ones that are worked on at a time.
+    /// Most finished recordings that are worked on at a time.
     pub finished: usize,
-    /// How to follow each.
+    /// Options of following each recording.
     pub following: Following,
-    /// How long work on a finished one may take; by its length if `None`.
+    /// Longest time that work on a finished recording may take; by its length if `None`.
     pub time_limit: Option<Duration>,
 }
 
-/// How a recording stands.
+/// State of a recording.
 #[derive(Debug, PartialEq)]
 pub(super) enum WatchState {
     Waiting,
-    /// Followed; whether as a finished one.
+    /// Work on it goes on; whether as on a finished recording.
     Running(bool),
     Again(Instant),
     Annotated,

@@ -1,4 +1,4 @@
-//! What the first messages of the channels show, in words, and what that changes in the configuration that is offered.
+//! Remarks on the first messages of the channels, and their effect on the suggested configuration.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,10 +13,10 @@ use crate::run::inspect::look::{ChannelLook, Stamped, Use, head};
 use crate::run::inspect::rate::Rate;
 use crate::{Error, Stamp};
 
-/// So many accelerometers are held against each other, to tell one sensor on two topics.
+/// Most accelerometers that are compared in pairs, to recognise one sensor on two topics.
 const COMPARED: usize = 64;
 
-/// Looks at the first messages, those of suggested topics as if they were mapped, and remarks on what they show.
+/// Looks at the first messages, mapping suggested topics too, and adds remarks on them.
 pub(super) fn peek(
     recording: &Recording,
     config: &Config,
@@ -28,10 +28,10 @@ pub(super) fn peek(
     let mut look = ChannelLook::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
     let mut probes: BTreeMap<usize, UnitProbe> = BTreeMap::new();
-    // Gyroscopes of which no turn has told anything yet.
+    // IMUs whose gyroscope unit no turn has confirmed yet.
     let (mut untold, mut settled) = (BTreeSet::new(), BTreeSet::new());
     let mut stamped = BTreeMap::new();
-    // Of the readings that are looked at, those that have not shown enough.
+    // Triads whose readings have not shown enough yet.
     let mut open = BTreeSet::new();
     let mut rates: BTreeMap<u16, Rate> = BTreeMap::new();
     head(recording, config.limits.of_recordings(), watch, |event| {
@@ -105,7 +105,7 @@ pub(super) fn peek(
             remarks.offer(peeked, config, used);
         }
     }
-    // Each is held against each.
+    // Each is compared with each.
     let accelerometers = peeks.iter().filter(|peeked| peeked.sensor == Sensor::Accelerometer).take(COMPARED);
     for (i, one) in accelerometers.clone().enumerate() {
         for other in accelerometers.clone().skip(i + 1).filter(|other| other.imu != one.imu) {
@@ -117,7 +117,7 @@ pub(super) fn peek(
     Ok(())
 }
 
-/// Says which of two topics of one sensor to use.
+/// Remarks which of two topics of one sensor to use.
 fn remark_on_twins(one: &str, other: &str, relation: Relation, channels: &mut [Use]) {
     let is_raw = |topic: &str| topic.to_lowercase().contains("raw");
     let is_corrected = |topic: &str| ["correct", "calib"].iter().any(|word| topic.to_lowercase().contains(word));

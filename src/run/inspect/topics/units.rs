@@ -1,4 +1,4 @@
-//! What the first messages show of units, in words, and what that changes in the configuration that is offered.
+//! Remarks on units by the first messages, and their effect on the suggested configuration.
 
 use crate::config::Config;
 use crate::engine::{UnitFinding, UnitProbe, unconfirmed_unit, unit_of_gravity};
@@ -14,7 +14,7 @@ pub(super) struct Peeked<'a> {
     pub(super) imu: usize,
     pub(super) sensor: Sensor,
     pub(super) peek: FirstReadings,
-    /// Those that are set of accelerometer and gyroscope.
+    /// Configured units of accelerometer and gyroscope.
     pub(super) units: (Option<AccelUnit>, Option<RateUnit>),
     pub(super) probe: &'a UnitProbe,
 }
@@ -22,14 +22,14 @@ pub(super) struct Peeked<'a> {
 /// Remarks on one triad.
 #[derive(Debug, Default)]
 pub(super) struct Remarks {
-    /// What is to be said anyway, and what only of a mapping that is offered.
+    /// Lines to print in any case; `offered` only with a suggested mapping.
     always: Vec<String>,
     offered: Option<String>,
     accel: Option<AccelUnit>,
     gyro: Option<RateUnit>,
 }
 
-/// What the readings of a triad show.
+/// Remarks on the readings of a triad.
 pub(super) fn remarks(peeked: &Peeked<'_>) -> Remarks {
     let mut remarks = Remarks::default();
     let gyroscope = peeked.sensor == Sensor::Gyroscope;
@@ -61,7 +61,7 @@ fn of_gyroscope(peeked: &Peeked<'_>, remarks: &mut Remarks) {
             remarks.always.push(format!("gyroscope: {text}"));
             remarks.gyro = unit;
         }
-        // A unit that is set is not asked for.
+        // A configured unit is not asked for.
         UnitFinding::Unknown if set.is_some() => {}
         UnitFinding::Unknown => remarks.always.push(format!("gyroscope: {}", unconfirmed_unit(RateUnit::default()))),
     }
@@ -91,13 +91,13 @@ fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Rem
 }
 
 impl Remarks {
-    /// The lines to print, of a topic whose mapping is offered or not.
+    /// Lines to print for a topic whose mapping is suggested or not.
     pub(super) fn said(&self, offered: bool) -> Vec<String> {
         self.always.iter().chain(self.offered.iter().filter(|_| offered)).cloned().collect()
     }
 
-    /// Puts the units into the configuration that is offered for the topic of the IMU: that which is there, or that of a
-    /// topic that has needed none.
+    /// Puts the units into the suggested configuration for the topic of the IMU; without a suggestion, into a copy of
+    /// the existing configuration or a new one.
     pub(super) fn offer(&self, peeked: &Peeked<'_>, config: &Config, used: &mut Use) {
         if self.accel.is_none() && self.gyro.is_none() {
             return;
