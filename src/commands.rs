@@ -1,4 +1,4 @@
-//! One module a verb: what the user typed → work of the library → what is printed.
+//! One module per verb: arguments → work of the library → printed result.
 
 mod annotate;
 mod config;
@@ -33,7 +33,7 @@ use stillpoint::{Error, printable_json};
 
 use crate::cli::{Cli, Command, Configuration};
 
-/// Runs a command to its end; what made it fail has been said.
+/// Runs a command to its end; reports an error that made it fail.
 pub fn run(cli: Cli, stop: &Stop) -> Code {
     let json = cli.json;
     let done = match cli.command {
@@ -55,10 +55,10 @@ pub fn run(cli: Cli, stop: &Stop) -> Code {
     done.unwrap_or_else(|error| Code::of(&error))
 }
 
-/// More is read of no standard input (64 MiB).
+/// Most bytes that are read from standard input (64 MiB).
 const LONGEST_TEXT: u64 = 64 << 20;
 
-/// How a command ended, from the mildest to the gravest.
+/// Outcome of a command, from the mildest to the gravest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Code {
     #[default]
@@ -66,17 +66,17 @@ pub enum Code {
     Damaged,
     Uncalibrated,
     Passing,
-    /// Of a list: no retry mends it.
+    /// Of a list: no retry helps.
     Hopeless,
     Refused,
     Usage,
 }
 
 impl Code {
-    /// The code of an error, which is said here and nowhere else.
+    /// The code of an error, which is logged here and nowhere else.
     pub fn of(error: &Error) -> Self {
         match error {
-            // Asked for, and no fault.
+            // Requested, and no fault.
             Error::Stopped | Error::Paused => tracing::info!("{error}"),
             error => tracing::error!("{error}"),
         }
@@ -87,7 +87,7 @@ impl Code {
         }
     }
 
-    /// What the program exits with.
+    /// Exit code of the program.
     pub fn number(self) -> u8 {
         match self {
             Self::Done => 0,
@@ -101,7 +101,7 @@ impl Code {
     }
 }
 
-/// The code of a command whose input had so many damages.
+/// The code of a command whose input has this number of damaged places.
 fn damaged(damages: u64, accepted: bool) -> Code {
     if damages > 0 && !accepted { Code::Damaged } else { Code::Done }
 }
@@ -112,10 +112,10 @@ impl From<Code> for ExitCode {
     }
 }
 
-/// Gravity on the surface of the Earth, m/s².
+/// Range of gravity on the surface of the Earth, in m/s².
 const ON_EARTH: std::ops::RangeInclusive<f64> = 9.76..=9.84;
 
-/// The effective configuration: the file, and the settings over it.
+/// The effective configuration: the file, overlaid with the settings.
 fn configuration(typed: &Configuration) -> Result<Config, Error> {
     let mut layers = Vec::new();
     if let Some(path) = &typed.config {
@@ -133,7 +133,7 @@ fn configuration(typed: &Configuration) -> Result<Config, Error> {
     Ok(config)
 }
 
-/// Whether a path stands for standard input or output.
+/// Whether a path means standard input or output.
 fn is_pipe(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
@@ -144,13 +144,13 @@ fn layer(path: &Path) -> Result<Layer, Error> {
         return Err(Error::Usage(why.to_owned()));
     }
     let text = stillpoint::run::text(path);
-    // A configuration that cannot be read is a fault of the command line, not of a recording.
+    // An unreadable configuration is a fault of the command line, not of a recording.
     let unreadable = |source| Error::Io { doing: "read the configuration", path: path.into(), source };
     let text = text.map_err(|e| Error::Usage(unreadable(e).to_string()))?;
     Ok(Layer::file(&path.display().to_string(), &text))
 }
 
-/// Listens for viewers, if that was asked for.
+/// Opens the server for viewers, if requested.
 #[cfg(feature = "live")]
 fn live(viewing: &crate::cli::Viewing, config: &Config) -> Result<Option<stillpoint::run::Live>, Error> {
     let stillpoint::config::Limits { viewers, viewer_kib, viewer_rate, .. } = config.limits;
@@ -163,9 +163,9 @@ fn live(viewing: &crate::cli::Viewing, config: &Config) -> Result<Option<stillpo
     Ok(live)
 }
 
-/// Writes a text where it was asked for: a new file, or standard output. A file that says the same is left as it is.
+/// Writes a text to its destination: a new file, or standard output. An equal file is left as it is.
 fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Result<(), Error> {
-    // Of the formats that are written so, those that hold names have strings with JSON's escapes.
+    // The formats written here that contain names have strings with JSON's escapes.
     let text = &*printable_json(text);
     let Some(path) = output.filter(|path| !is_pipe(path)) else { return print(text) };
     let partial = partial(path, force, reads)?;
@@ -173,18 +173,18 @@ fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Resul
     finish(partial, force)
 }
 
-/// What a command reads: its inputs, and the files that its options name.
+/// Files that a command reads: its inputs, and those that its options name.
 fn reads<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, named: &[&'a Option<PathBuf>]) -> Reads {
     Reads::of(inputs.into_iter().chain(named.iter().filter_map(|path| path.as_ref())))
 }
 
-/// A result that is to be written: what is read is never replaced, anything else with `force` alone.
+/// Opens a result to be written: a file that is read is never replaced, any other only with `force`.
 fn partial(path: &Path, force: bool, reads: &Reads) -> Result<Partial, Error> {
     reads.refuse(path)?;
     if force { Partial::create(path, reads) } else { Partial::create_new(path) }
 }
 
-/// Gives a result its name. One that exists may be the same already.
+/// Gives a result its name. An existing file may already be equal.
 fn finish(partial: Partial, force: bool) -> Result<(), Error> {
     let path = partial.target().to_owned();
     if force || path.symlink_metadata().is_err() {
@@ -196,7 +196,7 @@ fn finish(partial: Partial, force: bool) -> Result<(), Error> {
     }
 }
 
-/// A file of text, or standard input; anything else is said to be none.
+/// Text of a file or of standard input; any other path is refused.
 fn text_of(path: &Path) -> Result<String, Error> {
     if is_pipe(path) {
         let text = std::io::read_to_string(std::io::stdin().take(LONGEST_TEXT));
@@ -205,7 +205,7 @@ fn text_of(path: &Path) -> Result<String, Error> {
     stillpoint::run::text(path).map_err(Error::io("read", path))
 }
 
-/// Prints a result on standard output. A reader that has seen enough is no error.
+/// Prints a result on standard output. A reader that stops early is no error.
 fn print(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -216,7 +216,7 @@ fn print(text: &str) -> Result<(), Error> {
     }
 }
 
-/// A path in JSON, which knows Unicode alone.
+/// A path for JSON, which has only Unicode.
 fn name(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }

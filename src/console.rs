@@ -1,4 +1,4 @@
-//! Standard error, which people read: what `tracing` says, one plain line each. Standard output is left to the commands.
+//! Standard error, for people: the events of `tracing`, one plain line each. The commands write standard output.
 
 use std::fmt::{Debug, Write as _};
 use std::io::Write as _;
@@ -24,7 +24,7 @@ pub fn log_to_stderr(cli: &Cli) {
     tracing_subscriber::registry().with(Stderr.with_filter(Targets::new().with_target("stillpoint", level))).init();
 }
 
-/// Columns that lines may take on a terminal; what is no terminal gets as many as are read with ease.
+/// Width of lines in columns: that of the terminal, else a width that is easy to read.
 pub fn columns(term: &Term) -> usize {
     const EASY: usize = 100;
     match term.size_checked() {
@@ -46,7 +46,7 @@ impl<S: Subscriber> tracing_subscriber::Layer<S> for Stderr {
         .to_owned();
         event.record(&mut Message(&mut text));
         let text = if event.metadata().target() == COMPOSED { text.into() } else { printable(&text) };
-        // Nobody is left to tell if standard error is gone.
+        // Nobody can be informed if standard error is gone.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
     }
 }
@@ -62,5 +62,5 @@ impl Visit for Message<'_> {
     }
 }
 
-/// Where what is said has lines and colours of its own, and the names in it are escaped already.
+/// Target of events that have lines and colours of their own, and names that are escaped already.
 pub const COMPOSED: &str = "stillpoint::composed";

@@ -14,7 +14,8 @@ use clap::Parser as _;
 use stillpoint::run::{self, Stop};
 use tokio::runtime::{Builder, Runtime};
 
-/// Work that does not yield to a signal for so long is left where it is: files that are not whole have no names yet.
+/// Longest wait for work to stop after a signal. Work that does not yield is abandoned: incomplete files have no names
+/// yet.
 const PATIENCE: Duration = Duration::from_secs(4);
 
 fn main() -> ExitCode {
@@ -31,7 +32,7 @@ fn main() -> ExitCode {
     stop.signal().map_or(code.into(), |signal| ExitCode::from(128 + signal))
 }
 
-/// Says what is wrong with the command line, and ends. A value that is none is said in one line, as every other error.
+/// Reports an error in the command line, and exits. An invalid value is reported in one line, like every other error.
 fn refuse(error: &clap::Error) -> ! {
     if error.kind() == clap::error::ErrorKind::ValueValidation {
         let text = error.to_string();
@@ -41,7 +42,7 @@ fn refuse(error: &clap::Error) -> ! {
     error.exit()
 }
 
-/// Listens for signals, on a thread of its own.
+/// Listens for signals on a thread of its own.
 fn listen(stop: Stop) -> Result<(), String> {
     let runtime = runtime()?;
     let beyond = runtime.block_on(async { run::outlive_file_size_limit() });
@@ -57,7 +58,7 @@ fn listen(stop: Stop) -> Result<(), String> {
 }
 
 fn runtime() -> Result<Runtime, String> {
-    // Where the system refuses a file, tokio says so in a panic.
+    // Where the system refuses a file descriptor, tokio panics.
     let hook = panic::take_hook();
     panic::set_hook(Box::new(|_| {}));
     let built = panic::catch_unwind(|| Builder::new_current_thread().enable_all().build());

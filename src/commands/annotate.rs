@@ -49,7 +49,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                     print_json(&json!({"input": name(work.input()), "error": error.to_string()}))?;
                 }
                 let code = Code::of(&error);
-                // Whoever works on it may be done when it is tried again.
+                // The process that works on it may be done at the next attempt.
                 let again = code == Code::Passing || matches!(error, Error::Busy(_) | Error::Stopped);
                 passing |= again;
                 manifest.failed(work.input(), &error, again)?;
@@ -62,21 +62,21 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
         }
     }
     Ok(match gravest {
-        // Of a list the trouble that passes is what the next attempt is for.
+        // Of a list, passing trouble is left to the next attempt.
         Code::Refused if is_list && passing => Code::Passing,
         Code::Refused if is_list => Code::Hopeless,
         gravest => gravest,
     })
 }
 
-/// One recording, and where its result goes.
+/// One recording and the paths of its result.
 struct Work<'a> {
-    /// One, or the files that are one recording.
+    /// One file, or the files that are one recording.
     inputs: &'a [PathBuf],
     outputs: Vec<PathBuf>,
 }
 
-/// The recordings among the inputs: what an earlier run made of one of them is none, as when all files of a folder are
+/// The recordings among the inputs, without results of an earlier run on one of them, as when all files of a folder are
 /// named a second time.
 fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
     if args.inputs.len() < 2 {
@@ -110,7 +110,7 @@ fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
     recordings.into_iter().cloned().collect()
 }
 
-/// What is to be done, recording by recording.
+/// The work to do, recording by recording.
 fn works<'a>(args: &cli::Annotate, inputs: &'a [PathBuf]) -> Result<Vec<Work<'a>>, Error> {
     let outputs = outputs(args, inputs)?;
     if args.join {
@@ -121,7 +121,7 @@ fn works<'a>(args: &cli::Annotate, inputs: &'a [PathBuf]) -> Result<Vec<Work<'a>
     Ok(inputs.zip(outputs).map(|(inputs, output)| Work { inputs, outputs: vec![output] }).collect())
 }
 
-/// Refuses outputs that are read. What is there already is compared alone, unless it is to be replaced.
+/// Refuses outputs that are also read. An existing output that is not replaced is only compared.
 fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -> Result<(), Error> {
     if args.in_place || !args.force && !args.sidecar {
         return Ok(());
@@ -130,12 +130,12 @@ fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -
     works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
 }
 
-/// What is read.
+/// Files that are read.
 fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
     reads(inputs, &[&args.configuration.config, &args.against.against, &args.inputs_from])
 }
 
-/// Where the result of each input goes.
+/// Paths of the results, one for each input.
 fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     if args.in_place {
         return Ok(inputs.to_owned());
@@ -175,7 +175,7 @@ impl Work<'_> {
             [one] => Input::open_original(one, access)?,
             several => {
                 let input = Input::join(several, access)?;
-                // The outputs in the order of the files, which is that of their times.
+                // Reorders the outputs like the files, which are in time order.
                 let place = |file: &Path| several.iter().position(|given| given == file);
                 if outputs.len() == several.len() {
                     outputs = input.files().filter_map(place).filter_map(|i| outputs.get(i).cloned()).collect();
@@ -223,7 +223,7 @@ impl Work<'_> {
     }
 }
 
-/// The exit code of a recording that was done. An IMU that is configured and is not there was not calibrated either.
+/// The exit code of a finished recording. A configured IMU that is missing counts as not calibrated.
 pub fn code(report: &Report, config: &Config, require_calibration: bool, accept_damage: bool) -> Code {
     let is_there = |topic: &str| report.channels.iter().any(|(channel, _)| channel.topic == topic);
     let calibrated = !report.imus.is_empty()

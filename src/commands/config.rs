@@ -43,7 +43,7 @@ fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
     write(&format!("{:#}\n", report::layout(&imus)), args.output.as_deref(), args.force, &reads)
 }
 
-/// The IMUs whose accelerometer is read from a channel, each with the paths that show its axes.
+/// The IMUs whose accelerometer is read from a channel, each with the message paths of its axes.
 fn imus(used: &run::Use) -> Vec<LayoutImu> {
     let ChannelRole::Used(uses) = &used.verdict else { return Vec::new() };
     let accelerometers = uses.iter().filter(|part| part.sensor == Sensor::Accelerometer);

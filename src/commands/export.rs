@@ -28,7 +28,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     Ok(damaged(found.damages, args.accept_damage))
 }
 
-/// What the format is to be told.
+/// Options of the format.
 pub fn options(args: &cli::Convention) -> Result<Options, Error> {
     let readings = match &args.in_force {
         Some(path) => {

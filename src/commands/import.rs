@@ -1,4 +1,4 @@
-//! `stillpoint import`: a calibration that another program wrote, as our own.
+//! `stillpoint import`: a calibration of another program, converted into our own format.
 
 use std::path::Path;
 

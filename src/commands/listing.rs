@@ -1,4 +1,4 @@
-//! Inputs that are named on the command line, and those that a list names.
+//! Inputs named on the command line and in a list.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use stillpoint::Error;
 
 use super::text_of;
 
-/// The inputs in the order in which they were named, those of the list behind the others.
+/// The inputs in the order in which they are named, those of the list last.
 pub fn inputs(named: &[PathBuf], list: Option<&Path>) -> Result<Vec<PathBuf>, Error> {
     let mut inputs = named.to_vec();
     let Some(list) = list else { return Ok(inputs) };

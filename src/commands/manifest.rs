@@ -1,4 +1,4 @@
-//! What became of each recording of a list, one line of JSON each, as soon as it is known.
+//! Manifest: the outcome of each recording of a list, one line of JSON each, written as soon as it is known.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Seek as _, Write as _};
@@ -12,11 +12,11 @@ use stillpoint::{Error, printable_json};
 
 use super::{Code, name};
 
-/// Where it is written, if it is.
+/// Path and open file, if a manifest is written.
 pub struct Manifest(Option<(PathBuf, File)>);
 
 impl Manifest {
-    /// Begins one. A file that is there is replaced if it is one of these, and nothing else.
+    /// Begins a manifest. An existing file is replaced only if it is a manifest or empty.
     pub fn open(path: Option<&Path>, reads: &Reads) -> Result<Self, Error> {
         let Some(path) = path else { return Ok(Self(None)) };
         reads.refuse(path)?;
@@ -26,7 +26,7 @@ impl Manifest {
         }
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
         let mut first = Vec::new();
-        // A line of ours is no longer than this.
+        // A line of a manifest is no longer than this.
         std::io::Read::take(BufReader::new(&file), 1 << 20).read_until(b'\n', &mut first).map_err(io)?;
         let line = serde_json::from_slice::<Value>(&first).ok();
         if !first.is_empty() && line.is_none_or(|line| line.get("outcome").is_none()) {
@@ -36,7 +36,7 @@ impl Manifest {
         Ok(Self(Some((path.to_owned(), file))))
     }
 
-    /// A recording was worked on to its end.
+    /// Writes the line of a recording that was finished.
     pub fn done(
         &mut self,
         input: &Path,
@@ -66,7 +66,7 @@ impl Manifest {
         })
     }
 
-    /// A recording was given up.
+    /// Writes the line of a recording that was given up.
     pub fn failed(&mut self, input: &Path, error: &Error, again: bool) -> Result<(), Error> {
         let outcome = if again { "passing" } else { "hopeless" };
         let code = if again { Code::Passing } else { Code::Hopeless };

@@ -1,4 +1,4 @@
-//! `stillpoint merge`: what many recordings say of each sensor together.
+//! `stillpoint merge`: the combined calibration of each sensor from many recordings.
 
 use console::style;
 use stillpoint::merge::{self, Change, History, Merge, Merged, Point};
@@ -119,7 +119,7 @@ fn change(change: &Change) -> String {
     text
 }
 
-/// The parameters over time, as far as a terminal bears: so many recordings evenly chosen.
+/// The parameters over time: evenly chosen recordings, about as many as fit a terminal.
 fn curve(history: &History, look: Look) -> Vec<String> {
     const LISTED: usize = 24;
     let Some(first) = history.curve.first().filter(|_| history.curve.len() > 1) else { return Vec::new() };

@@ -1,4 +1,4 @@
-//! A progress bar where people watch, and the wish to stop everywhere.
+//! Progress bar on a terminal, and the check for stop requests everywhere.
 
 use std::time::Duration;
 
@@ -6,14 +6,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use stillpoint::run::{Input, Stop};
 use stillpoint::{Error, printable};
 
-/// Shows how far a recording has been read, and asks whether to go on.
+/// Progress of reading a recording, with the check for stop requests.
 pub struct Progress<'a> {
     bar: ProgressBar,
     stop: &'a Stop,
 }
 
 impl<'a> Progress<'a> {
-    /// A bar for a recording; nothing where standard error is no terminal or is to be quiet.
+    /// A bar for a recording; hidden if standard error is not a terminal or should be quiet.
     pub fn new(recording: &Input, stop: &'a Stop) -> Self {
         let target = match tracing::enabled!(tracing::Level::INFO) {
             true => ProgressDrawTarget::stderr(),
@@ -29,11 +29,11 @@ impl<'a> Progress<'a> {
         Self { bar, stop }
     }
 
-    /// To be called with the bytes that are done.
+    /// Updates the bar with the number of bytes that are done.
     ///
     /// # Errors
     ///
-    /// Once a signal asked to stop.
+    /// Once a signal requested to stop.
     pub fn watch(&self, done: u64) -> Result<(), Error> {
         self.bar.set_position(done);
         self.stop.check()

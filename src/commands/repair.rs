@@ -1,4 +1,4 @@
-//! `stillpoint repair`: a recording as it was before a run was killed that was changing it.
+//! `stillpoint repair`: undoes the change of a recording during which a run was killed.
 
 use serde_json::json;
 use stillpoint::Error;

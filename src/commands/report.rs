@@ -1,4 +1,4 @@
-//! `stillpoint report`: what was learned, as a page or on the terminal.
+//! `stillpoint report`: the findings, as a page or on the terminal.
 
 use console::style;
 use serde_json::{Value, json};
@@ -38,7 +38,7 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier, look)).collect();
         let notes: String = data.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
         let text = format!("{}\n{notes}", text.join("\n\n"));
-        // The summary is coloured for standard error; what is piped has no colours.
+        // The summary is coloured for standard error; piped output has no colours.
         let plain = !console::colors_enabled();
         print(&if plain { console::strip_ansi_codes(&text).into_owned() } else { text })?;
     }
@@ -60,10 +60,10 @@ fn people(timeline: &Timeline, earlier: Option<&[Findings]>, look: Look) -> Stri
     lines.join("\n")
 }
 
-/// The bar is no wider.
+/// Largest width of the bar, in columns.
 const MOST_COLUMNS: usize = 78;
 
-/// The recording as one line of blocks: rests on a face, rejected rests, motion.
+/// The recording as one bar of blocks: rests on a face, rejected rests, motion.
 fn bar(timeline: &Timeline, columns: usize) -> Vec<String> {
     let rests = &timeline.findings.rests;
     let Some((from, until)) = timeline.span().filter(|(from, until)| from < until && !rests.is_empty()) else {
@@ -92,7 +92,7 @@ fn bar(timeline: &Timeline, columns: usize) -> Vec<String> {
     ]
 }
 
-/// The accepted rests, as far as a terminal bears.
+/// The accepted rests, as many as fit a terminal.
 fn rests(findings: &Findings, look: Look) -> Vec<String> {
     const LISTED: usize = 40;
     let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());

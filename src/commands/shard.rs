@@ -1,4 +1,4 @@
-//! Which part of a list of recordings is worked on here: said by hand, or by the array job that this is a task of.
+//! Shard: the part of a list of recordings to work on, given explicitly or by the array job that runs this task.
 
 use std::env;
 
@@ -11,7 +11,7 @@ pub struct Shard {
     count: usize,
 }
 
-/// What an array job calls its tasks: index, how many, and the first.
+/// Environment variables of array jobs: index of the task, number of tasks, and the first index.
 const ARRAYS: [(&str, Option<&str>, Option<&str>); 3] = [
     ("JOB_COMPLETION_INDEX", Some("JOB_COMPLETION_COUNT"), None),
     ("AWS_BATCH_JOB_ARRAY_INDEX", Some("AWS_BATCH_JOB_ARRAY_SIZE"), None),
@@ -19,7 +19,7 @@ const ARRAYS: [(&str, Option<&str>, Option<&str>); 3] = [
 ];
 
 impl Shard {
-    /// The part that is meant; all of it where nothing says otherwise.
+    /// Chooses the shard; the whole list where nothing is given.
     pub fn choose(typed: Option<&str>, is_list: bool) -> Result<Self, Error> {
         let shard = Self::of(typed, is_list, |name| env::var(name).ok())?;
         if shard.count > 1 {
@@ -28,7 +28,7 @@ impl Shard {
         Ok(shard)
     }
 
-    /// Whether the recording at this place of the list belongs to it.
+    /// Whether the recording at this place of the list belongs to the shard.
     pub fn holds(self, place: usize) -> bool {
         place % self.count == self.index
     }

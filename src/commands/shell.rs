@@ -1,4 +1,4 @@
-//! `stillpoint completions` and `stillpoint man`: what a shell and `man` want to know of the command line.
+//! `stillpoint completions` and `stillpoint man`: descriptions of the command line for a shell and for `man`.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub fn man(args: &Man) -> Result<Code, Error> {
     Ok(Code::Done)
 }
 
-/// The page of a command, and those of its own.
+/// Writes the pages of a command and of its subcommands.
 fn pages(command: clap::Command, folder: &Path) -> Result<(), Error> {
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
         pages(verb.clone(), folder)?;

@@ -1,4 +1,4 @@
-//! What happens while a recording is followed, for machines: one JSON object an event.
+//! News of a followed recording, for machines: one JSON object per event.
 
 use serde_json::{Value, json};
 use stillpoint::engine::Message;
@@ -6,7 +6,7 @@ use stillpoint::messages::{AllanSums, Calibration, Noise, Octaves, Segment, Stil
 use stillpoint::report::{coverage, triad};
 use stillpoint::run::News;
 
-/// The event as it is streamed; `None` for what is no event. Times are nanoseconds.
+/// The JSON of an event; `None` for news that is no event. Times are in nanoseconds.
 pub fn event(news: &News<'_>) -> Option<Value> {
     Some(match news {
         News::Awaited => json!({"event": "awaited"}),

@@ -1,4 +1,4 @@
-//! `stillpoint strip`: the original out of an annotated recording.
+//! `stillpoint strip`: extracts the original from an annotated recording.
 
 use serde_json::json;
 use stillpoint::Error;

@@ -1,5 +1,5 @@
-//! What a person reads at the end: rests found, faces seen, the calibration with its uncertainty, what was refused and
-//! why, and what to do next.
+//! Summary for people: the rests found, the faces seen, the calibration with its uncertainty, refusals with their
+//! reasons, and the next step.
 
 use console::style;
 use stillpoint::messages::triad::Status;
@@ -14,13 +14,13 @@ use super::text::Look;
 /// Half the width of a 95 % interval, in standard deviations.
 const HALF: f64 = 1.96;
 
-/// Rejected rests that are listed; there may be thousands.
+/// Most rejected rests that are listed; there may be thousands.
 const LISTED: usize = 12;
 
-/// More of one reason are said in one line.
+/// Most rests of one reason that are listed one by one; more share a line.
 const ALIKE: usize = 3;
 
-/// The findings of one IMU, on several lines; with the drift since an earlier calibration, if there is one.
+/// Findings of one IMU, on several lines; with the drift since an earlier calibration, if there is one.
 pub fn imu(findings: &Findings, earlier: Option<&[Findings]>, look: Look) -> String {
     let mut lines = vec![heading(findings), rests(findings)];
     if let Some(coverage) = &findings.coverage {
@@ -36,7 +36,7 @@ pub fn imu(findings: &Findings, earlier: Option<&[Findings]>, look: Look) -> Str
     lines.join("\n")
 }
 
-/// One IMU while it is followed: as [`imu`], with its state instead of what was rejected.
+/// Findings of one IMU while it is followed: as [`imu`], with its state instead of the rejected rests.
 pub fn live(findings: &Findings, status: &still::Status, look: Look) -> Vec<String> {
     let state = look.wrap(&format!("{}  ", heading(findings)), "  ", state(status).into_iter());
     let mut lines: Vec<_> = state.into_iter().chain([rests(findings)]).collect();
@@ -140,7 +140,7 @@ fn calibration(findings: &Findings, look: Look) -> Vec<String> {
     lines
 }
 
-/// S as far as the model has it: its diagonal, or all of it.
+/// Rows of the sensitivity S as far as the model has it: its diagonal, or the whole matrix.
 fn sensitivity(triad: &Triad, table: &mut Table) {
     let (s, std) = (&triad.sensitivity, &triad.sensitivity_std);
     let is_diagonal = s.iter().enumerate().all(|(i, entry)| i % 4 == 0 || *entry == 0.0);
@@ -158,8 +158,7 @@ fn sensitivity(triad: &Triad, table: &mut Table) {
     }
 }
 
-/// What is to be said of a triad: what speaks against it first, the background only if asked for, or if there is nothing
-/// else.
+/// Notes on a triad: warnings first; background only if asked for, or if there is nothing else.
 fn notes(triad: &Triad, look: Look) -> Vec<String> {
     let least = match triad.notes.iter().any(|note| weight(note) > Weight::Detail) {
         true if !look.verbose => Weight::Hint,
@@ -175,7 +174,7 @@ fn notes(triad: &Triad, look: Look) -> Vec<String> {
     notes.into_iter().flat_map(line).collect()
 }
 
-/// How far the sensors moved since an earlier calibration.
+/// Drift of the sensors since an earlier calibration.
 fn since(findings: &Findings, earlier: &[Findings], look: Look) -> Vec<String> {
     let drifts = match drift(findings, earlier) {
         Ok(drifts) => drifts,
@@ -228,7 +227,7 @@ fn verdict(triad: &Triad) -> String {
     }
 }
 
-/// Three estimates; one without a deviation is fixed by the model.
+/// Row of three estimates; one without a standard deviation is fixed by the model.
 fn row(name: &str, values: [f64; 3], std: [f64; 3]) -> [String; 4] {
     let cell = |(value, std): (f64, f64)| match std > 0.0 {
         true => estimate(value, HALF * std),
@@ -238,7 +237,7 @@ fn row(name: &str, values: [f64; 3], std: [f64; 3]) -> [String; 4] {
     [name.to_owned(), cell((x, dx)), cell((y, dy)), cell((z, dz))]
 }
 
-/// Rejected rests, those of one reason together.
+/// Rejected rests, grouped by reason.
 fn rejected(findings: &Findings, look: Look) -> Vec<String> {
     let origin = findings.rests.keys().next().copied().unwrap_or_default();
     let at = |rest: &Segment| nanos(&rest.start).saturating_sub(origin) as f64 * 1e-9;
@@ -254,7 +253,7 @@ fn rejected(findings: &Findings, look: Look) -> Vec<String> {
         let label = format!("  {:>+7.1} s {:>5.1} s  ", at(rest), seconds(rest));
         look.sentence(&label, &format!("{} {}", rest.reason().as_str_name(), rest.explanation))
     };
-    // One line, or each on its own, in the order of time.
+    // One line per group, or one per rest, in time order.
     let mut lines = Vec::new();
     for (_, rests) in &groups {
         match rests.as_slice() {
@@ -279,7 +278,7 @@ fn rejected(findings: &Findings, look: Look) -> Vec<String> {
     said
 }
 
-/// A text with its numbers taken out, by which texts of one kind are alike.
+/// A text without its numbers, so that texts of one kind are equal.
 fn without_numbers(text: &str) -> String {
     text.split(|c: char| c.is_ascii_digit() || c == '.').collect()
 }

@@ -1,8 +1,8 @@
-//! Columns that line up, on a terminal, where a character may be wider than a byte and colours have no width.
+//! Table with aligned columns for a terminal, where a character may be wider than a byte and colours have no width.
 
 use console::measure_text_width;
 
-/// Rows of cells; the first column is aligned to the left, the others to the right.
+/// Rows of cells; the first column is left-aligned, the others right-aligned.
 #[derive(Default)]
 pub struct Table(Vec<Row>);
 
@@ -12,7 +12,7 @@ enum Row {
 }
 
 impl Table {
-    /// Adds a line that is no part of the columns.
+    /// Adds a line outside the columns.
     pub fn heading(&mut self, text: String) {
         self.0.push(Row::Heading(text));
     }
@@ -22,7 +22,7 @@ impl Table {
         self.0.push(Row::Cells(cells.into_iter().collect()));
     }
 
-    /// One line a row, each behind `indent`; where the columns do not fit, the cells of a row stand below each other.
+    /// Lines of the rows, each behind `indent`; rows wider than `columns` have their cells below each other.
     pub fn lines(&self, indent: &str, columns: usize) -> Vec<String> {
         let mut widths = Vec::new();
         for row in &self.0 {

@@ -1,4 +1,4 @@
-//! `stillpoint tail`: a recording, while it is recorded.
+//! `stillpoint tail`: follows a recording while it is recorded.
 
 use std::time::Duration;
 
@@ -10,13 +10,13 @@ use super::view::View;
 use super::{Code, configuration, import, print_json, reads, stream};
 use crate::cli;
 
-/// A recorder that writes nothing for so long is taken to be dead.
+/// Time without a write after which a recorder counts as dead.
 const IDLE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
-    // What is not there yet is a folder, if its name says nothing else.
+    // A missing path counts as a folder, unless it ends in `.mcap`.
     let file = args.input.extension().is_some_and(|ending| ending == "mcap");
     let folder = args.input.is_dir() || !args.input.exists() && !file;
     let output = args.output.clone().unwrap_or_else(|| run::default_output(&args.input, folder, None, false));
@@ -65,7 +65,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     let code = code(&tailed.report, &config, args.require_calibration, args.accept_damage);
     Ok(match (tailed.written, code) {
         (Written::Before, _) => Code::Done,
-        // A folder without its last file, say.
+        // For example a folder without its last file.
         (Written::Now, Code::Done) if tailed.ending == Ending::Idle && !args.accept_damage => Code::Damaged,
         (Written::Now, code) => code,
     })

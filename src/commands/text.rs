@@ -1,29 +1,29 @@
-//! Text for people: as wide as they can see it, with the colours of standard error.
+//! Text for people: as wide as the terminal, with the colours of standard error.
 
 use console::{Term, measure_text_width};
 use stillpoint::printable;
 
-/// How to write for a terminal.
+/// Style of writing for a terminal.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
-    /// Columns that a line may take.
+    /// Width of a line in columns.
     pub columns: usize,
-    /// Whether to say the background, too.
+    /// Whether to include background information.
     pub verbose: bool,
 }
 
 impl Look {
-    /// As a terminal and the command line ask for it.
+    /// Style by the terminal and the command line.
     pub fn of(term: &Term) -> Self {
         Self { columns: crate::console::columns(term), verbose: tracing::enabled!(tracing::Level::DEBUG) }
     }
 
-    /// A sentence behind its label, on lines that hang.
+    /// A sentence behind its label, wrapped with a hanging indent.
     pub fn sentence(&self, label: &str, text: &str) -> Vec<String> {
         self.wrap(label, " ", text.split_whitespace().map(|word| printable(word).into_owned()))
     }
 
-    /// Words behind a label.
+    /// Words behind a label, wrapped with a hanging indent.
     pub fn wrap(&self, label: &str, space: &str, words: impl Iterator<Item = String>) -> Vec<String> {
         let indent = " ".repeat(measure_text_width(label));
         let mut lines = vec![label.to_owned()];
@@ -36,7 +36,7 @@ impl Look {
                 false => lines.push(format!("{indent}{word}")),
             }
         }
-        // Many lines of few words are read with more ease from the left.
+        // Many lines of few words are easier to read from the left.
         if lines.len() > 4 && indent.len() * 3 > self.columns {
             let words = lines.iter().skip(1).flat_map(|line| line.split_whitespace()).map(str::to_owned);
             let words: Vec<_> = words.collect();

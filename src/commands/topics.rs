@@ -1,4 +1,4 @@
-//! `stillpoint topics`: what could be calibrated in a recording, and why not the rest.
+//! `stillpoint topics`: topics of a recording that can be calibrated, and why others cannot.
 
 use console::{Term, style};
 use serde_json::{Value, json};
@@ -45,7 +45,7 @@ fn machine(channels: &Channels) -> Value {
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
 }
 
-/// What a recording says, on one line.
+/// A text of the recording, on one line.
 fn said(text: &str) -> String {
     printable(text).into_owned()
 }
@@ -69,7 +69,7 @@ fn people(channels: &Channels) -> String {
         }
     }
     let term = Term::stdout();
-    // What is piped is cut and searched line by line.
+    // Piped output is cut and searched line by line.
     let columns = if term.is_term() { crate::console::columns(&term) } else { usize::MAX };
     let mut lines = table.lines("", columns);
     for used in &channels.channels {

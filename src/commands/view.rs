@@ -1,5 +1,5 @@
-//! A recording while it is followed, on a terminal: each IMU's state, faces, next step and calibration, drawn over
-//! itself. Where standard error is no terminal, one plain line for each thing worth knowing.
+//! Live view of a followed recording on a terminal: each IMU's state, faces, next step and calibration, redrawn in
+//! place. If standard error is not a terminal, one plain line per notable event.
 
 use std::io::Write as _;
 use std::time::{Duration, Instant};
@@ -15,31 +15,31 @@ use tracing::{info, warn};
 use super::summary;
 use super::text::Look;
 
-/// Between two drawings; people read no faster.
+/// Interval between two drawings; people read no faster.
 const FRAME: Duration = Duration::from_millis(150);
 
-/// Shows what is told of a recording.
+/// View of a recording's news.
 pub struct View {
-    /// `None` where there is no terminal to draw on.
+    /// `None` without a terminal to draw on.
     term: Option<Term>,
     name: String,
-    /// Lines on the screen that are ours.
+    /// Number of lines drawn on the screen.
     drawn: usize,
     next: Instant,
-    /// What the next drawing shows.
+    /// Lines of the next drawing.
     lines: Vec<String>,
     waiting: bool,
 }
 
 impl View {
-    /// A view of the recording of that name; `quiet` shows nothing but troubles.
+    /// A view of the recording of that name; at quiet log levels it draws nothing.
     pub fn new(name: String) -> Self {
         let term = Some(Term::stderr()).filter(|term| term.is_term() && tracing::enabled!(tracing::Level::INFO));
         let name = printable(&name).into_owned();
         Self { term, name, drawn: 0, next: Instant::now(), lines: Vec::new(), waiting: false }
     }
 
-    /// Shows what happened.
+    /// Shows news.
     pub fn show(&mut self, news: &News<'_>) {
         match news {
             News::Awaited => {
@@ -74,15 +74,15 @@ impl View {
         }
     }
 
-    /// Takes the drawing off the screen.
+    /// Removes the drawing from the screen.
     pub fn clear(&mut self) {
         if let Some(term) = self.term.as_ref().filter(|_| self.drawn > 0) {
-            // Nobody is left to tell if the terminal is gone.
+            // Nobody can be informed if the terminal is gone.
             let _ = term.clear_last_lines(std::mem::take(&mut self.drawn));
         }
     }
 
-    /// Leaves the drawing where it is: it is the last that will be known.
+    /// Leaves the drawing where it is: the last state that will be known.
     pub fn leave(&mut self) {
         self.drawn = 0;
     }
@@ -91,7 +91,7 @@ impl View {
         self.term.is_some() && Instant::now() >= self.next
     }
 
-    /// Says something that stays, above the drawing.
+    /// Logs a lasting line above the drawing.
     fn say(&mut self, say: impl FnOnce(&str)) {
         self.clear();
         say(&self.name);
@@ -132,7 +132,7 @@ impl Drop for View {
     }
 }
 
-/// What is worth a line where nothing can be drawn: the log says refusals and calibrations, the coverage what to do.
+/// Logs a notable message without a terminal: refusals and calibrations from the log, the next step from the coverage.
 fn line(message: &Message) {
     match message {
         Message::Log(log) if log.level() == Level::Info => info!("{}: {}", log.name, log.message),

@@ -1,4 +1,4 @@
-//! `stillpoint watch`: a directory, for as long as the service runs.
+//! `stillpoint watch`: serves a directory until it is stopped.
 
 use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -55,7 +55,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     info!("watching {}", args.folder.display());
     run::watch(&watching, &current, stop, &metrics, &show, &|path, verdict| say(path, &verdict, json))?;
     info!("stopped; what was being followed goes on with the next watch");
-    // To be stopped is how a service ends.
+    // A stop request is the normal end of a service.
     stop.answered();
     Ok(Code::Done)
 }
@@ -94,12 +94,12 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 json!({"event": "again", "input": super::name(path), "error": error.to_string(), "seconds": wait.as_secs_f64()})
             }
         };
-        // A service goes on when nobody listens.
+        // A service goes on even if standard output is gone.
         let _ = print_json(&event);
     }
 }
 
-/// SIGHUP reads the configuration again; recordings that are begun afterwards use it.
+/// Reloads the configuration on SIGHUP; recordings that begin later use it.
 fn reload_on_hangup(typed: cli::Configuration, config: Arc<RwLock<Config>>) -> Result<(), Error> {
     let refused = |error| Error::io("listen for", "SIGHUP".as_ref())(error);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(refused)?;
