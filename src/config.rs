@@ -1,6 +1,6 @@
-//! The configuration: what each layer may be told, as one document.
+//! The configuration of all layers, as one document.
 //!
-//! What a key means is said by the layer that owns it. Reading files is left to the [shell](crate::run).
+//! Each layer documents its own keys. The [shell](crate::run) reads files.
 
 mod check;
 mod error;
@@ -15,19 +15,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{annotate, fit, imu, still};
 
-/// Everything that may be configured; [`Default`] is what runs without a configuration file.
+/// Complete configuration; [`Default`] is used without a configuration file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Which fields of which topics are an IMU; topics of known types need none.
+    /// Fields and topics that form an IMU; topics of known types need no entry.
     pub imu: Vec<imu::ImuConfig>,
-    /// How rests are found.
+    /// Detection of rests.
     pub still: still::Config,
-    /// How a calibration is fitted.
+    /// Fit of a calibration.
     pub fit: fit::Config,
-    /// What is written.
+    /// Output to write.
     pub output: annotate::OutputConfig,
-    /// What is taken from outside, at most.
+    /// Limits of outside data.
     pub limits: Limits,
 }
 
@@ -35,15 +35,15 @@ impl Config {
     /// The default as a document to start from: every key with its unit and meaning.
     pub const COMMENTED: &str = include_str!("config/default.toml");
 
-    /// The configuration that the layers say, later ones over earlier ones, over the default.
+    /// Loads the configuration from layers, later ones over earlier ones, all over the default.
     ///
     /// # Errors
     ///
-    /// The first thing wrong: a syntax error, an unknown key, a wrong type, a value that makes no sense.
+    /// The first fault: a syntax error, an unknown key, a wrong type, or an invalid value.
     pub fn load(layers: &[Layer]) -> Result<Self, Error> {
         let mut merged = toml::Table::new();
         for layer in layers {
-            // Every table has defaults, so each layer is a configuration of its own and its faults are found in it.
+            // Every table has defaults, so each layer is a complete configuration and its faults are found in it.
             layer.parse::<Self>()?;
             overlay(&mut merged, layer.parse()?);
         }
@@ -56,8 +56,8 @@ impl Config {
         Ok(config)
     }
 
-    /// The whole configuration in one fixed order, as TOML that [`load`](Self::load) reads back; what only viewers see of
-    /// it is as by default.
+    /// The whole configuration in a fixed order, as TOML that [`load`](Self::load) reads back; settings that affect
+    /// only viewers have their defaults.
     pub fn canonical(&self) -> String {
         let determining = Self { limits: self.limits.without_viewers(), ..self.clone() };
         toml::to_string(&determining).unwrap_or_else(|e| unreachable!("a configuration is a TOML document: {e}"))

@@ -1,18 +1,18 @@
-//! What types cannot say about a configuration: ranges, and keys that must agree with each other.
+//! Validation beyond types: ranges, and keys that must agree with each other.
 
 use std::collections::BTreeSet;
 
 use super::{Config, Limits};
 use crate::{fit, imu, still, topic};
 
-/// A value that makes no sense.
+/// An invalid value.
 pub(super) struct Fault {
     pub(super) key: String,
     pub(super) why: String,
 }
 
 impl Config {
-    /// The first value that makes no sense.
+    /// Checks all values; the error is the first invalid one.
     pub(super) fn check(&self) -> Result<(), Fault> {
         imus(&self.imu)?;
         rests(&self.still)?;
@@ -150,7 +150,7 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     Ok(())
 }
 
-/// From the Moon to Jupiter; what lies beyond is a slip, or another unit.
+/// Checks gravity: from the Moon to Jupiter; a value beyond is a slip, or in another unit.
 fn gravity(gravity: f64) -> Result<(), Fault> {
     if (1.5..=30.0).contains(&gravity) {
         return Ok(());

@@ -1,6 +1,6 @@
-//! What is wrong with a configuration, and where.
+//! Error in a configuration, with its position.
 
-/// What is wrong with a configuration, and where.
+/// Error in a configuration, with its position.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// Not TOML.
@@ -8,10 +8,10 @@ pub enum Error {
     Syntax {
         /// File and line, or the option.
         at: String,
-        /// What the parser says.
+        /// Message of the parser.
         why: String,
     },
-    /// A key, or the name of a choice, that does not exist.
+    /// An unknown key or choice.
     #[error("{at}: `{key}`: no such {kind} `{name}`{advice}")]
     Unknown {
         /// File and line, or the option.
@@ -20,7 +20,7 @@ pub enum Error {
         key: String,
         /// "key" or "choice".
         kind: &'static str,
-        /// What was written.
+        /// Name as written.
         name: String,
         /// The nearest valid name, or all of them.
         advice: String,
@@ -32,7 +32,7 @@ pub enum Error {
         at: String,
         /// The dotted key.
         key: String,
-        /// What is wrong with it.
+        /// Fault of the value.
         why: String,
     },
     /// Not `key=value`.

@@ -1,6 +1,4 @@
-//! One source of configuration, a file or a `--set` option, and where in it things stand.
-//!
-//! What the keys mean is left to whoever parses it.
+//! One source of configuration, a file or a `--set` option, with positions for error messages.
 
 use std::ops::Range;
 
@@ -9,12 +7,12 @@ use toml::de::{DeTable, DeValue};
 
 use super::Error;
 
-/// TOML text and where it came from.
+/// TOML text and its origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
     label: String,
     text: String,
-    /// Whether line numbers mean anything to the reader.
+    /// Whether line numbers help the reader.
     lines: bool,
 }
 
@@ -24,7 +22,7 @@ impl Layer {
         Self { label: name.to_owned(), text: text.to_owned(), lines: true }
     }
 
-    /// One `key=value`, the key dotted, the value TOML or a bare word.
+    /// A layer of one `key=value`: the key dotted, the value TOML or a bare word.
     ///
     /// # Errors
     ///
@@ -42,11 +40,11 @@ impl Layer {
         &self.text
     }
 
-    /// The text as a value of some type.
+    /// Parses the text as a value of some type.
     ///
     /// # Errors
     ///
-    /// What is wrong with it and where, in one line.
+    /// The fault and its position, in one line.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T, Error> {
         let document = DeTable::parse(&self.text).map_err(|e| {
             let why = e.message().lines().collect::<Vec<_>>().join(", ");
@@ -58,7 +56,7 @@ impl Layer {
         })
     }
 
-    /// Where the value with this dotted key stands (items of lists are counted from 0), or `None` if it does not.
+    /// Position of the value with this dotted key (list items are counted from 0); `None` if it is missing.
     pub(super) fn locate_key(&self, key: &str) -> Option<String> {
         let document = DeTable::parse(&self.text).ok()?;
         let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
@@ -85,7 +83,7 @@ impl Layer {
     }
 }
 
-/// Puts `over` over `base`: tables are merged key by key, everything else is replaced.
+/// Merges `over` into `base`: tables key by key; other values are replaced.
 pub fn overlay(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
@@ -97,15 +95,15 @@ pub fn overlay(base: &mut toml::Table, over: toml::Table) {
     }
 }
 
-/// The key that an error in a table without positions is about, as far as it says.
+/// Key that an error in a table without positions names, if any.
 pub(super) fn key_of(error: &toml::de::Error) -> String {
     let text = error.to_string();
     text.split_once("in `").and_then(|(_, rest)| rest.split('`').next()).unwrap_or_default().to_owned()
 }
 
-/// The key whose name or value stands at a byte offset.
+/// Path of the key whose name or value is at a byte offset.
 fn path_to(table: &DeTable<'_>, offset: usize) -> Option<Vec<String>> {
-    // The span of a table that has a header is the header's, so that every table is searched before it is compared.
+    // The span of a table with a header covers only the header, so every table is searched before it is compared.
     let within = |value: &DeValue<'_>| match value {
         DeValue::Table(table) => path_to(table, offset),
         DeValue::Array(list) => list.iter().find_map(|item| item.get_ref().as_table().and_then(|t| path_to(t, offset))),
@@ -122,7 +120,7 @@ fn path_to(table: &DeTable<'_>, offset: usize) -> Option<Vec<String>> {
     })
 }
 
-/// Serde's words in ours.
+/// Translates serde's messages.
 fn explain(at: String, key: String, message: &str) -> Error {
     for (kind, start) in [("key", "unknown field `"), ("choice", "unknown variant `")] {
         let Some((name, valid)) = message.strip_prefix(start).and_then(|rest| rest.split_once('`')) else { continue };

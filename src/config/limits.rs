@@ -1,30 +1,30 @@
-//! Limits of what is taken from outside. What bites is said by the name of its key.
+//! Limits of outside data. A message about an exceeded limit names its key.
 
 use serde::{Deserialize, Serialize};
 
 use crate::record;
 
-/// What is taken of a recording and of viewers, at most.
+/// Limits of recordings and viewers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Longest chunk that is opened, compressed or not, in MiB.
     pub chunk_mib: u64,
-    /// All chunks together are opened to so many times the recording's length, beyond the first 256 MiB.
+    /// Most decompressed bytes of all chunks, as a multiple of the recording's length, beyond the first 256 MiB.
     pub ratio: u64,
     /// Longest record that is held, in MiB.
     pub record_mib: u64,
     /// Longest schema, channel or metadata record that is read, in MiB.
     pub definition_mib: u64,
-    /// What all schemas and channels may take together, in MiB.
+    /// Most memory of all schemas and channels together, in MiB.
     pub definitions_mib: u64,
-    /// Channels that a recording may have.
+    /// Most channels of a recording.
     pub channels: u64,
-    /// Viewers at a time.
+    /// Most viewers at a time.
     pub viewers: usize,
-    /// Longest message of a viewer, finished or not, and longest that viewers are shown, in KiB.
+    /// Longest message from a viewer, finished or not, and to viewers, in KiB.
     pub viewer_kib: usize,
-    /// Messages that viewers are shown in a second.
+    /// Most messages per second that viewers are shown.
     pub viewer_rate: u32,
 }
 
@@ -48,7 +48,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Those of recordings, which determine what is learned.
+    /// Limits of recordings, which affect the findings.
     pub fn of_recordings(&self) -> record::Limits {
         record::Limits {
             chunk: self.chunk_mib.saturating_mul(MIB),
@@ -60,7 +60,7 @@ impl Limits {
         }
     }
 
-    /// The same for everybody who watches: what is learned does not depend on it.
+    /// The same with default limits of viewers, which do not affect the findings.
     pub(super) fn without_viewers(&self) -> Self {
         let Self { viewers, viewer_kib, viewer_rate, .. } = Self::default();
         Self { viewers, viewer_kib, viewer_rate, ..self.clone() }
