@@ -16,7 +16,7 @@ pub struct Limits {
     pub record_mib: u64,
     /// Longest schema, channel or metadata record that is read, in MiB.
     pub definition_mib: u64,
-    /// Most memory of all schemas and channels together, in MiB.
+    /// Total size of all schemas and channels, in MiB.
     pub definitions_mib: u64,
     /// Most channels of a recording.
     pub channels: u64,
