@@ -1,9 +1,8 @@
-//! What recordings of one sensor say together: rests add up to a calibration that no single one of them determines.
+//! Combination of recordings of one sensor: rests add up to a calibration that no single recording determines.
 //!
-//! [`Merge`] is what a recording says of its sensors, as far as that adds up. It is a commutative monoid, and joining
-//! the same recording twice changes nothing: whoever merges in whichever order and grouping comes to the same. Finding rests
-//! is left to the [`engine`](crate::engine), and so is the fit over them; what is learned here is how the sensor changed in
-//! between.
+//! [`Merge`] is the evidence of recordings on their sensors, in a form that adds up. It is a commutative monoid, and
+//! joining the same recording twice changes nothing: any order and grouping of merging gives the same result. The
+//! [`engine`](crate::engine) finds rests and fits them; this layer learns how the sensor changed between recordings.
 
 mod change_points;
 mod evidence;

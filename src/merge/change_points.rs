@@ -1,29 +1,29 @@
-//! Between which recordings parameters jumped rather than walked: at each gap, what the recordings before it say of the
-//! parameters against what those behind it say, as a likelihood ratio (Willsky & Jones 1976).
+//! Change points: gaps between recordings where parameters jumped rather than walked. At each gap, a likelihood ratio
+//! compares the parameters estimated from the recordings before it and after it (Willsky & Jones 1976).
 
 use nalgebra::SVector;
 
 use super::random_walk::{Filtered, Visit, Walk, span};
 
-/// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 goes beyond it by chance: with two
+/// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 exceeds it by chance: with two
 /// triads, less than one in ten sensors with a thousand recordings each.
 const BEYOND: f64 = 4.0;
 
-/// Where the parameters jumped.
+/// A jump of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Jump<const N: usize> {
-    /// The first visit behind it.
+    /// Index of the first visit behind it.
     pub(super) at: usize,
-    /// By how much, and one standard deviation of that.
+    /// Size of the jump, and its standard deviation.
     pub(super) by: SVector<f64, N>,
     pub(super) std: SVector<f64, N>,
     /// Normal score of the likelihood ratio.
     pub(super) score: f64,
 }
 
-/// The jumps, the likeliest first found; in order of time.
+/// Finds the jumps, the likeliest first; returns them in time order.
 pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>]) -> Vec<Jump<N>> {
-    /// A sensor that jumps more often has no calibration to speak of.
+    /// Most jumps; a sensor that jumps more often has no meaningful calibration.
     const MOST: usize = 64;
     let mut resets = Vec::new();
     while resets.len() < MOST {
@@ -33,7 +33,7 @@ pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>]) -> Vec<
         resets.push(at);
         resets.sort_unstable();
     }
-    // What each comes to beside all the others.
+    // Each jump evaluated beside all the others.
     let each = resets.iter().filter_map(|&at| {
         let others: Vec<_> = resets.iter().copied().filter(|other| *other != at).collect();
         gaps(walk, visits, &others).into_iter().find(|jump| jump.at == at)
@@ -46,7 +46,7 @@ fn best<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
     gaps(walk, visits, resets).into_iter().max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// What a jump in each gap would come to that has none yet.
+/// Estimates of a jump in each gap that has none yet.
 fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -> Vec<Jump<N>> {
     let runs: Vec<_> = walk
         .settings(span(visits))
@@ -75,7 +75,7 @@ fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
             });
             let freedom = known.sum::<f64>();
             let std = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-            // Twice the logarithm of how much likelier everything is with this jump and setting.
+            // Twice the log likelihood ratio of all equations with this jump and setting.
             let ratio = square + 2.0 * (forward.likelihood - without);
             Some((ratio, freedom, by, std))
         };
@@ -93,7 +93,7 @@ fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
     (1..visits.len()).filter(|k| !resets.contains(k)).filter_map(at).collect()
 }
 
-/// The normal score that is exceeded as seldom as this χ² (Wilson & Hilferty 1931).
+/// Normal score with the same tail probability as this χ² (Wilson & Hilferty 1931).
 fn normal(square: f64, freedom: f64) -> f64 {
     let v = 2.0 / (9.0 * freedom);
     (libm::cbrt(square.max(0.0) / freedom) - (1.0 - v)) / v.sqrt()

@@ -1,4 +1,4 @@
-//! What recordings say of their sensors, as far as it adds up.
+//! Evidence of recordings on their sensors, in a form that adds up.
 
 use std::collections::BTreeMap;
 
@@ -10,27 +10,27 @@ use crate::engine::rest_of;
 use crate::messages::segment::Reason;
 use crate::report::Findings;
 
-/// What any number of recordings say of any number of sensors, by a key that tells sensors apart. With
-/// [`join`](Self::join) and the empty one a commutative monoid; joining what is in it already changes nothing.
+/// Evidence of any number of recordings on any number of sensors, by a key that distinguishes sensors. With
+/// [`join`](Self::join) and the empty one a commutative monoid; joining evidence that is already in it changes nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Merge {
     /// By key.
     pub sensors: BTreeMap<String, Evidence>,
 }
 
-/// What any number of recordings say of one sensor.
+/// Evidence of any number of recordings on one sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     pub(super) rests: RestSet,
     pub(super) noise: NoiseSet,
-    /// What the sensor was called last, and when that was, ns.
+    /// Identity in the latest recording, and the start of that recording's first rest, ns.
     pub(super) identity: Option<(i64, Identity)>,
 }
 
-/// What a recording calls a sensor.
+/// Names of a sensor in a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Identity {
-    /// What its annotation topics begin with.
+    /// Prefix of its annotation topics.
     pub name: String,
     /// Topic of its accelerometer.
     pub topic: String,
@@ -38,19 +38,19 @@ pub struct Identity {
     pub gyroscope: String,
     /// Frame of its messages.
     pub frame_id: String,
-    /// Type of the messages on the topic, as far as it is known.
+    /// Type of the messages on the topic, if known.
     pub source_type: String,
     /// Topics of its secondary accelerometers, by their names.
     pub secondary: BTreeMap<String, String>,
 }
 
 impl Merge {
-    /// What one recording says of one sensor.
+    /// Evidence of one recording on one sensor.
     pub fn of(key: &str, findings: &Findings) -> Self {
         Self { sensors: BTreeMap::from([(key.to_owned(), Evidence::of(findings))]) }
     }
 
-    /// Adds what others say.
+    /// Adds the evidence of others.
     pub fn join(&mut self, other: Self) {
         for (key, evidence) in other.sensors {
             self.sensors.entry(key).or_default().join(evidence);
@@ -59,7 +59,7 @@ impl Merge {
 }
 
 impl Evidence {
-    /// What one recording says.
+    /// Evidence of one recording.
     pub fn of(findings: &Findings) -> Self {
         let recording = findings.rests.keys().next().copied();
         let at_rest = findings.rests.values().filter(|rest| matches!(rest.reason(), Reason::Accepted | Reason::Tilted));
@@ -75,21 +75,21 @@ impl Evidence {
         Self { rests, noise, identity: Some((recording.unwrap_or(i64::MIN), Identity::of(findings))) }
     }
 
-    /// Adds what others say of the same sensor.
+    /// Adds the evidence of others on the same sensor.
     pub fn join(&mut self, other: Self) {
         self.rests.join(other.rests);
         self.noise.join(other.noise);
         self.identity = self.identity.take().max(other.identity);
     }
 
-    /// The rests, as far as they are kept.
+    /// The rests that are kept.
     pub fn rests(&self) -> &RestSet {
         &self.rests
     }
 }
 
 impl Identity {
-    /// As a recording has it.
+    /// Identity in a recording.
     pub fn of(findings: &Findings) -> Self {
         let calibration = findings.calibration.as_ref();
         let triads = calibration.map_or(&[][..], |calibration| &calibration.secondary);
@@ -111,7 +111,7 @@ impl Identity {
         }
     }
 
-    /// The frame of a recording's messages; empty where none is known.
+    /// Frame of a recording's messages; empty if unknown.
     pub fn frame_of(findings: &Findings) -> &str {
         let headers = findings.rests.values().filter_map(|rest| rest.header.as_ref());
         let coverage = findings.coverage.iter().filter_map(|coverage| coverage.header.as_ref());

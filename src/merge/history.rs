@@ -1,53 +1,53 @@
-//! What became of a sensor over its recordings, as types.
+//! History of a sensor over its recordings, as types.
 
 use crate::Stamp;
 use crate::messages::{Calibration, Coverage};
 
-/// What became of a sensor over its recordings.
+/// History of a sensor over its recordings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
-    /// Recordings that rests were taken from.
+    /// Number of recordings that contributed rests.
     pub recordings: usize,
-    /// Rests that were taken.
+    /// Number of rests used.
     pub rests: usize,
-    /// Whether some of them stand for others that there was no room for.
+    /// Whether some of the rests stand for others that had no room.
     pub is_thinned: bool,
-    /// From change to change, oldest first.
+    /// Epochs between changes, oldest first.
     pub epochs: Vec<Epoch>,
-    /// What changed between two recordings, oldest first.
+    /// Changes between two recordings, oldest first.
     pub changes: Vec<Change>,
     /// The parameters at each recording.
     pub curve: Vec<Point>,
-    /// Whether the accelerometer walks between the changes, and whether the gyroscope does.
+    /// Whether accelerometer and gyroscope drift between the changes.
     pub drifts: [bool; 2],
 }
 
-/// A time in which the sensor stayed the same, drift apart.
+/// A time in which the sensor stayed the same, apart from drift.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Epoch {
-    /// First rest.
+    /// Start of the first rest.
     pub begin: Stamp,
-    /// End of the last one.
+    /// End of the last rest.
     pub end: Stamp,
-    /// Recordings in it.
+    /// Number of its recordings.
     pub recordings: usize,
-    /// What its rests come to.
+    /// Calibration fitted to its rests.
     pub calibration: Option<Calibration>,
-    /// The faces that they show.
+    /// Faces that its rests show.
     pub coverage: Coverage,
 }
 
-/// What a sensor may have suffered.
+/// Kind of a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChangeKind {
-    /// The biases jumped, and no sensitivity did.
+    /// The biases jumped, but no sensitivity.
     Shock,
     /// A sensitivity jumped too: another sensor, or another range.
     Replaced,
 }
 
 impl ChangeKind {
-    /// Its name.
+    /// Name of the kind.
     pub fn name(self) -> &'static str {
         match self {
             Self::Shock => "shock",
@@ -56,38 +56,38 @@ impl ChangeKind {
     }
 }
 
-/// Something changed between two recordings.
+/// A change between two recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// What it looks like.
+    /// Apparent kind.
     pub kind: ChangeKind,
     /// End of the last rest before it.
     pub after: Stamp,
     /// Start of the first rest behind it.
     pub before: Stamp,
-    /// How sure it is, as a normal score.
+    /// Significance, as a normal score.
     pub score: f64,
-    /// By how much the accelerometer's bias jumped, m/s², and one standard deviation.
+    /// Jump of the accelerometer's bias, m/s², and its standard deviation.
     pub bias: [[f64; 3]; 2],
-    /// The diagonal of its sensitivity.
+    /// Jump of the diagonal of its sensitivity, and its standard deviation.
     pub scale: [[f64; 3]; 2],
-    /// The gyroscope's bias, rad/s; absent without one.
+    /// Jump of the gyroscope's bias, rad/s, and its standard deviation; absent without a gyroscope.
     pub gyro_bias: Option<[[f64; 3]; 2]>,
-    /// How far the attitude at rest turned, rad, where it has one.
+    /// Change of the attitude at rest, rad, if there is one.
     pub turned: Option<f64>,
 }
 
 /// The parameters at one recording, each with one standard deviation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point {
-    /// First rest of the recording.
+    /// Start of the recording's first rest.
     pub time: Stamp,
-    /// Accelerometer, m/s².
+    /// Bias of the accelerometer, m/s².
     pub bias: [[f64; 3]; 2],
     /// Diagonal of its sensitivity.
     pub scale: [[f64; 3]; 2],
-    /// Gyroscope, rad/s.
+    /// Bias of the gyroscope, rad/s.
     pub gyro_bias: Option<[[f64; 3]; 2]>,
-    /// Mean over the rests, °C.
+    /// Mean temperature over the rests, °C.
     pub temperature: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! Merged sensors for machines: what `export --format json` says of an IMU, and its history beside it.
+//! Merged sensors for machines: the fields of `export --format json` for each IMU, with its history.
 
 use serde_json::{Value, json};
 
@@ -57,7 +57,7 @@ fn change(change: &Change) -> Value {
     })
 }
 
-/// One list a parameter: a curve is drawn, not looked up.
+/// One list per parameter: a curve is drawn, not looked up.
 fn curve(points: &[Point]) -> Value {
     let list = |of: &dyn Fn(&Point) -> Value| points.iter().map(of).collect::<Value>();
     json!({

@@ -9,7 +9,7 @@ use crate::engine::allan_sums;
 use crate::messages::Noise;
 use crate::still::{AllanSums, Octaves};
 
-/// The sums of so many recordings are kept.
+/// Most recordings whose sums are kept.
 const MOST_RECORDINGS: usize = 128;
 
 /// Sums by recording and sensor.
@@ -17,7 +17,7 @@ const MOST_RECORDINGS: usize = 128;
 pub(super) struct NoiseSet(BTreeMap<i64, BTreeMap<String, AllanSums>>);
 
 impl NoiseSet {
-    /// Those of one recording, as far as they make sense.
+    /// The valid sums of one recording.
     pub(super) fn of(recording: i64, noise: &Noise) -> Self {
         let sums = noise.triads.iter().map(|triad| (triad.sensor.clone(), allan_sums(triad)));
         let sums: BTreeMap<_, _> = sums.filter(|(_, sums)| is_sound(sums)).collect();
@@ -53,7 +53,7 @@ impl NoiseSet {
             let all = inside().filter(|(name, _)| *name == sensor).map(|(_, sums)| sums);
             let mut skipped = false;
             for sums in all {
-                // The one that it began with counts once.
+                // The sums that it began with count once.
                 if !skipped && *sums == largest {
                     skipped = true;
                 } else {
@@ -65,7 +65,7 @@ impl NoiseSet {
     }
 }
 
-/// By how many samples, then by all they say.
+/// Rank of a recording's sums: by number of samples, then by all their values.
 fn rank(sums: &BTreeMap<String, AllanSums>) -> (u64, Vec<(&str, [u64; 3])>) {
     let samples = sums.values().map(|sums| sums.all.samples).fold(0, u64::saturating_add);
     let bits = |octaves: &Octaves| octaves.octaves.iter().map(|octave| octave.squares.sum()).sum::<f64>().to_bits();
@@ -75,7 +75,7 @@ fn rank(sums: &BTreeMap<String, AllanSums>) -> (u64, Vec<(&str, [u64; 3])>) {
 }
 
 fn is_sound(sums: &AllanSums) -> bool {
-    /// No recording has more (a century at 1 kHz).
+    /// More samples than any recording has (a century at 1 kHz).
     const MOST: u64 = 1 << 42;
     let octaves = |octaves: &Octaves| {
         let number = |value: f64| value.is_finite() && value >= 0.0;

@@ -1,4 +1,4 @@
-//! What the evidence about a sensor comes to: its calibration now, and how it came to that.
+//! Outcome of the evidence on a sensor: its present calibration, and its history.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,30 +17,30 @@ use crate::imu::Sensor;
 use crate::report::{Findings, nanos};
 use crate::still::{AllanSums, Rest};
 
-/// A sensor that several recordings speak of.
+/// Merged sensor of several recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
-    /// What it was told apart by.
+    /// Key that distinguishes it.
     pub key: String,
-    /// What is known of it now.
+    /// Its present findings.
     pub findings: Findings,
-    /// How it came to that.
+    /// Its history.
     pub history: History,
 }
 
-/// What all evidence comes to, sensor by sensor.
+/// Evaluates all evidence, sensor by sensor.
 pub fn outcome(merge: &Merge, config: &Config) -> Vec<Merged> {
     merge.sensors.iter().map(|(key, evidence)| Story::of(evidence, config).tell(key)).collect()
 }
 
-/// What is known of one sensor over time.
+/// Evidence on one sensor with its evaluation over time.
 struct Story<'a> {
     evidence: &'a Evidence,
     identity: Identity,
     engine: engine::Config,
-    /// In order of time.
+    /// In time order.
     rests: Vec<&'a PastRest>,
-    /// The places of the rests of each visit.
+    /// Indices of the rests of each visit.
     visits: Vec<Vec<usize>>,
     accelerometer: Course<UNKNOWNS>,
     gyroscope: Course<3>,
@@ -82,7 +82,7 @@ impl<'a> Story<'a> {
         Merged { key: key.to_owned(), findings, history }
     }
 
-    /// What the visits from one to another, which is not among them, determine together.
+    /// Epoch of the visits `from..until`, with the fit to all of their rests.
     fn epoch(&self, from: usize, until: usize) -> (Epoch, Refitted) {
         let last = until.saturating_sub(1);
         let since = self.gyroscope.jumps.iter().map(|jump| jump.at).filter(|at| (from..until).contains(at)).max();
@@ -99,7 +99,7 @@ impl<'a> Story<'a> {
             let mut rest = Rest { placement, ..past.rest.clone() };
             let secondary = self.engine.secondary.iter().map(|secondary| past.secondary.get(&secondary.name).cloned());
             rest.secondary = secondary.collect();
-            // What a gyroscope read before it jumped says nothing of its bias now.
+            // Readings of a gyroscope before its last jump do not count for its present bias.
             if since.is_some_and(|since| visit < since) {
                 rest.gyroscope = None;
             }
@@ -122,7 +122,7 @@ impl<'a> Story<'a> {
         (epoch, refitted)
     }
 
-    /// Makes of a rest what it would have read at another visit, if the parameters walk.
+    /// Converts a rest into what it would have read at another visit, if the parameters walk.
     fn as_of(&self, then: usize, visit: usize, rest: &mut Rest) {
         if self.accelerometer.is_followed
             && let (Some(now), Some(then)) = (self.accelerometer.states.get(visit), self.accelerometer.states.get(then))
@@ -139,7 +139,7 @@ impl<'a> Story<'a> {
         }
     }
 
-    /// What the parameters that walk have become at a visit.
+    /// State of the walking parameters at a visit.
     fn motion(&self, visit: usize) -> Motion {
         let time = self.visits.get(visit).and_then(|visit| self.rests.get(*visit.first()?)).map(|rest| rest.rest.start);
         let note = |what: &str, drifts: bool| {
@@ -155,7 +155,7 @@ impl<'a> Story<'a> {
         }
     }
 
-    /// What changed between two visits.
+    /// Changes between visits.
     fn changes(&self) -> Vec<Change> {
         let (accelerometer, gyroscope) = (&self.accelerometer.jumps, &self.gyroscope.jumps);
         let beside = |at: usize| gyroscope.iter().find(move |jump| jump.at.abs_diff(at) <= 1);
@@ -170,7 +170,7 @@ impl<'a> Story<'a> {
     }
 
     fn change(&self, at: usize, accelerometer: Option<&Jump<UNKNOWNS>>, gyroscope: Option<&Jump<3>>) -> Option<Change> {
-        /// A scale that moved by less is still the same sensor's, however sure that is.
+        /// Largest change of scale that leaves a sensor the same, however significant it is.
         const SAME: f64 = 3e-3;
         let rest = |visit: usize, last: bool| {
             let visit = self.visits.get(visit)?;
@@ -248,7 +248,7 @@ fn moved<const N: usize>(state: &State<N>, note: String) -> Moved {
     }
 }
 
-/// By how much a state differs from the one before it.
+/// Difference of a state from the one before it, and its standard deviation.
 fn difference<const N: usize>(states: &[State<N>], at: usize) -> Option<(SVector<f64, N>, SVector<f64, N>)> {
     let (before, behind) = (states.get(at.checked_sub(1)?)?, states.get(at)?);
     let covariance: SMatrix<f64, N, N> = before.covariance + behind.covariance;
@@ -269,7 +269,7 @@ fn of_terms(parameters: &SVector<f64, UNKNOWNS>, term: impl Fn(usize) -> Term) -
     [0, 1, 2].map(|axis| value(axis).unwrap_or_default())
 }
 
-/// What an engine would be told of such a sensor.
+/// Engine configuration of such a sensor.
 fn engine_config(identity: &Identity, config: &Config) -> engine::Config {
     let named = |imu: &&crate::imu::ImuConfig| imu.topic == identity.topic || imu.name.as_ref() == Some(&identity.name);
     let imu = config.imu.iter().find(named);
@@ -289,7 +289,7 @@ fn engine_config(identity: &Identity, config: &Config) -> engine::Config {
         gyroscope: identity.gyroscope.clone(),
         secondary: secondary.collect(),
         preset: None,
-        // Rests alone do not tell them.
+        // Rests alone do not show them.
         accel_unit: None,
         gyro_unit: None,
         reference: false,

@@ -1,12 +1,13 @@
-//! Parameters that walk at random from recording to recording, as a Kalman filter and its smoother see them (Rauch, Tung &
-//! Striebel 1965). What the equations are is left to whoever makes them.
+//! Random walk of parameters from recording to recording: a Kalman filter and its smoother (Rauch, Tung & Striebel
+//! 1965).
 //!
-//! Where the parameters may have jumped, the filter begins anew. How far placements scatter (τ) and how fast the parameters
-//! walk are not known: everything is done for a grid of both, and averaged by how likely each is.
+//! Where the parameters may have jumped, the filter begins anew. The scatter of placements (τ) and the speed of the
+//! walk are unknown: everything is computed for a grid of both, and averaged with their likelihoods as weights.
 
 use nalgebra::{SMatrix, SVector};
 
-/// One linear equation about the parameters: `value = factors · parameters`, with an error of variance `noise + gain · τ²`.
+/// One linear equation in the parameters: `value = factors · parameters`, with an error of variance `noise + gain ·
+/// τ²`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Equation<const N: usize> {
     pub(super) factors: SVector<f64, N>,
@@ -15,28 +16,28 @@ pub(super) struct Equation<const N: usize> {
     pub(super) gain: f64,
 }
 
-/// What one recording says of the parameters.
+/// Equations of one recording.
 #[derive(Clone, Debug)]
 pub(super) struct Visit<const N: usize> {
-    /// Seconds since the first.
+    /// Time since the first visit, in seconds.
     pub(super) time: f64,
     pub(super) equations: Vec<Equation<N>>,
 }
 
-/// What is assumed of the parameters.
+/// Model of the walk.
 #[derive(Clone, Debug)]
 pub(super) struct Walk<const N: usize> {
-    /// What they are about before anything is known.
+    /// Prior mean of the parameters.
     pub(super) start: SVector<f64, N>,
-    /// One standard deviation of that.
+    /// Prior standard deviation.
     pub(super) prior: SVector<f64, N>,
-    /// How far each walks beside the others.
+    /// Relative pace of each parameter's walk.
     pub(super) pace: SVector<f64, N>,
-    /// Scatters of placements to try.
+    /// Scatters of placements to try (τ).
     pub(super) scatters: Vec<f64>,
-    /// Distances that are walked over the whole time, one standard deviation, to try; the first is none.
+    /// Distances walked over the whole time to try, as standard deviations; the first is zero.
     pub(super) distances: Vec<f64>,
-    /// A distance that is walked seldom; those far beyond are ever less likely.
+    /// Scale of the prior on the distance; distances far beyond are ever less likely.
     pub(super) usual: f64,
 }
 
@@ -47,24 +48,24 @@ pub(super) struct State<const N: usize> {
     pub(super) covariance: SMatrix<f64, N, N>,
 }
 
-/// The states after each visit, and how likely the setting and the equations were: a logarithm.
+/// States after each visit, and the log likelihood of the setting and the equations.
 #[derive(Clone, Debug)]
 pub(super) struct Filtered<const N: usize> {
     pub(super) states: Vec<State<N>>,
     pub(super) likelihood: f64,
 }
 
-/// A scatter of placements, and a variance walked a second.
+/// Scatter of placements, and variance of the walk per second.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
     pub(super) scatter: f64,
     pub(super) speed: f64,
-    /// Logarithm of how likely it is before anything is known.
+    /// Logarithm of its prior probability, up to a constant.
     pub(super) prior: f64,
 }
 
 impl<const N: usize> Walk<N> {
-    /// What nothing is known of.
+    /// Prior state.
     pub(super) fn unknown(&self) -> State<N> {
         let covariance = SMatrix::from_diagonal(&self.prior.component_mul(&self.prior));
         State { mean: self.start, covariance }
@@ -82,12 +83,12 @@ impl<const N: usize> Walk<N> {
         distances.flat_map(of).collect()
     }
 
-    /// Covariance that so many seconds add.
+    /// Covariance that the walk adds in so many seconds.
     pub(super) fn walked(&self, setting: Setting, seconds: f64) -> SMatrix<f64, N, N> {
         SMatrix::from_diagonal(&self.pace.component_mul(&self.pace)) * (setting.speed * seconds.abs())
     }
 
-    /// Filters the visits in this order, anew from each of `resets` on.
+    /// Filters the visits in this order, anew from each one that is marked.
     pub(super) fn filter<'v>(
         &self,
         visits: impl Iterator<Item = (&'v Visit<N>, bool)>,
@@ -110,7 +111,7 @@ impl<const N: usize> Walk<N> {
         Filtered { states, likelihood }
     }
 
-    /// The states given everything before and after, from those filtered forwards.
+    /// Smooths: the states given all visits before and after, from those filtered forwards.
     pub(super) fn smooth(&self, visits: &[Visit<N>], resets: &[usize], setting: Setting) -> Filtered<N> {
         let forward = self.filter(visits.iter().enumerate().map(|(i, visit)| (visit, resets.contains(&i))), setting);
         let mut states = forward.states.clone();
@@ -131,8 +132,8 @@ impl<const N: usize> Walk<N> {
         Filtered { states, likelihood: forward.likelihood }
     }
 
-    /// The states given everything, averaged over the settings by how likely they are; and by how much twice the logarithm of
-    /// the likelihood is larger for parameters that walk than for such that do not.
+    /// The states given all visits, averaged over the settings with their likelihoods as weights; and twice the log
+    /// likelihood ratio of walking against constant parameters.
     pub(super) fn average(&self, visits: &[Visit<N>], resets: &[usize]) -> (Vec<State<N>>, f64) {
         let seconds = span(visits);
         let smoothed =
@@ -170,7 +171,7 @@ impl<const N: usize> Walk<N> {
 }
 
 impl<const N: usize> State<N> {
-    /// Takes an equation in, and says the logarithm of how likely it was.
+    /// Updates the state with an equation; returns its log likelihood, up to a constant.
     fn learn(&mut self, equation: &Equation<N>, scatter: f64) -> f64 {
         let Equation { factors, value, noise, gain } = equation;
         let along = self.covariance * factors;
@@ -185,7 +186,7 @@ impl<const N: usize> State<N> {
     }
 }
 
-/// Seconds from the first visit to the last.
+/// Time from the first visit to the last, in seconds.
 pub(super) fn span<const N: usize>(visits: &[Visit<N>]) -> f64 {
     visits.last().map_or(0.0, |last| last.time) - visits.first().map_or(0.0, |first| first.time)
 }

@@ -1,9 +1,9 @@
 //! Rests of one sensor from any number of recordings, in bounded memory.
 //!
-//! Up to [`MOST_RESTS`] every rest is kept. Where there are more, time is divided into spans of 2^k ns and poses into cells
-//! of about 11°, with the least k that leaves no more cells than that, and of each cell the rest with the most samples
-//! stands for all: like the merging of near rests in an engine, which counts them as one placement. Which rests are kept is
-//! a function of the set of rests alone.
+//! Up to [`MOST_RESTS`] every rest is kept. Beyond, time is divided into spans of 2^k ns and poses into cells of about
+//! 11°, with the least k that leaves no more occupied cells than that. The rest with the most samples stands for its
+//! cell, like the merging of near rests in an engine, which counts them as one placement. The kept rests are a function
+//! of the set of rests alone.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -13,22 +13,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::still::{Rest, TriadMean};
 
-/// So many rests are kept of one sensor.
+/// Most rests that are kept of one sensor.
 pub const MOST_RESTS: usize = 2048;
 
-/// Cells that a unit of direction is divided into.
+/// Cells per unit of the direction vector.
 const CELLS: f64 = 5.0;
 
 /// A rest and the recording that it was found in.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PastRest {
-    /// When the first rest of its recording began, ns.
+    /// Start of the first rest of its recording, ns.
     pub recording: i64,
     /// The rest without its secondary accelerometers.
     pub rest: Rest,
-    /// What these read, by their names.
+    /// Readings of the secondary accelerometers, by their names.
     pub secondary: BTreeMap<String, TriadMean>,
-    /// Mean over the rest, °C.
+    /// Mean temperature over the rest, °C.
     pub temperature: Option<f64>,
 }
 
@@ -44,7 +44,7 @@ pub struct RestSet {
 }
 
 impl RestSet {
-    /// Adds a rest; one that is there already changes nothing.
+    /// Adds a rest; one that is already there changes nothing.
     pub fn insert(&mut self, rest: PastRest) {
         self.put(rest);
         while self.cells.len() > MOST_RESTS && self.level < 63 {
@@ -56,7 +56,7 @@ impl RestSet {
 
     /// Adds the rests of another set.
     pub fn join(&mut self, other: Self) {
-        // What the other one had no room for apart, there is none for here.
+        // Rests that the other set could not keep apart cannot be kept apart here.
         if self.level < other.level {
             self.level = other.level;
             let cells = std::mem::take(&mut self.cells);
@@ -65,7 +65,7 @@ impl RestSet {
         other.cells.into_values().for_each(|rest| self.insert(rest));
     }
 
-    /// The rests by the time at which they began.
+    /// The rests ordered by their start.
     pub fn in_time(&self) -> Vec<&PastRest> {
         let mut rests: Vec<_> = self.cells.values().collect();
         rests.sort_by(|a, b| (a.rest.start, a.rest.end).cmp(&(b.rest.start, b.rest.end)).then_with(|| a.rank(b)));
@@ -77,12 +77,12 @@ impl RestSet {
         self.cells.len()
     }
 
-    /// Whether there is none.
+    /// Whether no rest is kept.
     pub fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
 
-    /// Whether some had to stand for others.
+    /// Whether some rests stand for others.
     pub fn is_thinned(&self) -> bool {
         self.level > 0
     }
@@ -107,7 +107,8 @@ impl PastRest {
         (self.rest.start.nanos() >> level, [part(0), part(1), part(2)])
     }
 
-    /// Which of two stands for both: an order over all that they say.
+    /// Order of rests by which the greater one stands for both: by samples of the accelerometer, then by all other
+    /// fields.
     fn rank(&self, other: &Self) -> Ordering {
         let means = |rest: &Self| {
             let of = |mean: &TriadMean| {

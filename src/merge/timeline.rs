@@ -1,5 +1,5 @@
-//! How the parameters of accelerometer and gyroscope went over time, recording by recording: the rests as equations about
-//! parameters that walk, and what these came to.
+//! Course of the parameters of accelerometer and gyroscope over time, recording by recording: rests as equations in
+//! walking parameters, and their estimates.
 
 use nalgebra::{SVector, Vector3};
 
@@ -12,24 +12,24 @@ use crate::fit::{Calibration, Parameterisation, Term};
 /// Bias and lower-triangular sensitivity, in the order of [`Parameterisation::TRIANGULAR`].
 pub(super) const UNKNOWNS: usize = 9;
 
-/// Rests of a recording that lie further apart than this count as two visits, s.
+/// Time after which a later rest of the same recording begins a new visit, s.
 const LONG: f64 = 3600.0;
-/// Twice the logarithm of a likelihood ratio that one sensor in a hundred exceeds that does not drift.
+/// Threshold of twice the log likelihood ratio; one in a hundred sensors without drift exceeds it.
 const DRIFTS: f64 = 6.6;
 
-/// What happened to the parameters of one triad.
+/// Course of the parameters of one triad.
 #[derive(Clone, Debug)]
 pub(super) struct Course<const N: usize> {
     /// By visit.
     pub(super) states: Vec<State<N>>,
     pub(super) jumps: Vec<Jump<N>>,
-    /// Whether it is plain that they walk between the jumps.
+    /// Whether the parameters clearly walk between the jumps.
     pub(super) drifts: bool,
-    /// Whether they may: not within an hour, nor where two visits alone speak of it.
+    /// Whether a walk is modelled: not within an hour, nor with only two visits or too few equations.
     pub(super) is_followed: bool,
 }
 
-/// The rests of each visit, by their places.
+/// Groups the rests into visits, by their indices.
 pub(super) fn visits(rests: &[&PastRest]) -> Vec<Vec<usize>> {
     let mut visits: Vec<Vec<usize>> = Vec::new();
     for (i, past) in rests.iter().enumerate() {
@@ -44,9 +44,9 @@ pub(super) fn visits(rests: &[&PastRest]) -> Vec<Vec<usize>> {
     visits
 }
 
-/// The course of the primary accelerometer by the length of what it read.
+/// Course of the primary accelerometer, from the length of its readings.
 pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: &engine::Config) -> Course<UNKNOWNS> {
-    /// Times that the equations are linearised anew.
+    /// Rounds of linearising the equations.
     const ROUNDS: usize = 4;
     let gravity = engine::gravity(config).value;
     let times = times(rests, visits);
@@ -70,7 +70,7 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
         let (states, _) = walk.average(&equations, &resets);
         at = states.iter().map(|state| state.mean).collect();
         equations = linearised(&at);
-        // The first rounds only come near.
+        // The first rounds only approximate.
         if round + 2 >= ROUNDS {
             found = jumps(&walk, &equations);
         }
@@ -78,7 +78,7 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
     course(&walk, &equations, found)
 }
 
-/// The course of the gyroscope's bias.
+/// Course of the gyroscope's bias.
 pub(super) fn gyroscope(rests: &[&PastRest], visits: &[Vec<usize>], config: &engine::Config) -> Course<3> {
     let times = times(rests, visits);
     let walk = of_gyroscope(config).within(times.last().copied().unwrap_or_default());
@@ -105,7 +105,7 @@ pub(super) fn calibration(at: &SVector<f64, UNKNOWNS>) -> Calibration {
 }
 
 impl<const N: usize> Walk<N> {
-    /// The same over so many seconds: nothing walks within an hour.
+    /// The same model over so many seconds: nothing walks within an hour.
     fn within(mut self, seconds: f64) -> Self {
         if seconds < LONG {
             self.distances.truncate(1);
@@ -121,18 +121,17 @@ fn course<const N: usize>(walk: &Walk<N>, equations: &[Visit<N>], jumps: Vec<Jum
     Course { states, jumps, drifts: is_followed && ratio > DRIFTS, is_followed }
 }
 
-/// Whether the visits lie so far apart that the parameters may have walked, and there are equations to spare that tell
-/// of it.
+/// Whether the visits lie far enough apart for a walk, with enough equations to estimate it.
 fn walks<const N: usize>(visits: &[Visit<N>]) -> bool {
     let told: usize = visits.iter().map(|visit| visit.equations.len()).sum();
     visits.len() > 2 && span(visits) >= LONG && told >= 2 * N
 }
 
-/// What is assumed of an accelerometer, in m/s² and without unit.
+/// Model of an accelerometer's walk, in m/s² and without unit.
 fn of_accelerometer(config: &engine::Config, gravity: f64) -> Walk<UNKNOWNS> {
-    /// Bias, scale, and how far an axis leans.
+    /// Prior standard deviations: bias (m/s²), scale, and lean of an axis (rad).
     const PRIOR: [f64; 3] = [2.0, 0.1, 0.015];
-    /// How far the scale walks beside the bias, counted in gravity.
+    /// Pace of the scale relative to the bias, in units of gravity.
     const SCALE: f64 = 0.3;
     let (mut prior, mut pace) = (SVector::zeros(), SVector::zeros());
     for (i, term) in Parameterisation::TRIANGULAR.terms().iter().enumerate() {
@@ -153,7 +152,7 @@ fn of_accelerometer(config: &engine::Config, gravity: f64) -> Walk<UNKNOWNS> {
     }
 }
 
-/// What is assumed of a gyroscope's bias, rad/s.
+/// Model of the walk of a gyroscope's bias, rad/s.
 fn of_gyroscope(config: &engine::Config) -> Walk<3> {
     Walk {
         start: Vector3::zeros(),
@@ -190,7 +189,7 @@ fn length(
     sound.then(|| Equation { factors, value, noise, gain: by_measured.norm_squared() })
 }
 
-/// The rests of a visit, of each placement the longest: the others read the same again.
+/// The longest rest of each placement in a visit: the others only repeat its reading.
 fn placements<'a>(rests: &'a [&PastRest], visit: &'a [usize]) -> impl Iterator<Item = &'a PastRest> {
     let all = visit.iter().filter_map(|&i| rests.get(i).copied());
     let mut longest: std::collections::BTreeMap<u32, &PastRest> = std::collections::BTreeMap::new();
@@ -203,7 +202,7 @@ fn placements<'a>(rests: &'a [&PastRest], visit: &'a [usize]) -> impl Iterator<I
     longest.into_values()
 }
 
-/// Seconds from the first visit to each.
+/// Time from the first visit to each, in seconds.
 fn times(rests: &[&PastRest], visits: &[Vec<usize>]) -> Vec<f64> {
     let start = |visit: &Vec<usize>| rests.get(*visit.first()?).map(|rest| rest.rest.start);
     let first = visits.first().and_then(start).unwrap_or_default();
