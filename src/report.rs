@@ -1,7 +1,7 @@
-//! What was learned, for people and for the programs they use: findings, reports, and the formats that others read.
+//! Reports of findings, for people and for programs: findings, reports, and file formats of other programs.
 //!
-//! Pure like the layers beneath: text and numbers in, text out. Files are left to the [shell](crate::run), what people
-//! read on a terminal to the program.
+//! Pure like the layers beneath: text and numbers in, text out. The [shell](crate::run) handles files, the program
+//! writes to the terminal.
 
 mod drift;
 mod envelope;

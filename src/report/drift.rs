@@ -1,4 +1,4 @@
-//! How far a calibration has moved from an earlier one: axis by axis, and in what it means for a corrected reading.
+//! Drift of a calibration since an earlier one: axis by axis, and as its effect on a corrected reading.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,12 +7,12 @@ use crate::fit::{Calibration, Gravity};
 use crate::messages::triad::Status;
 use crate::messages::{self, Triad};
 
-/// How one triad moved.
+/// Drift of one triad.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
     /// "accelerometer", "gyroscope", or the secondary's name.
     pub sensor: String,
-    /// Change of the bias, in the unit of the triad; absent where the earlier one is not known.
+    /// Change of the bias, in the unit of the triad; absent if the earlier one is unknown.
     pub bias: Option<[Change; 3]>,
     /// Change of the scale, if both have one.
     pub scale: Option<[Change; 3]>,
@@ -20,30 +20,30 @@ pub struct Drift {
     pub worst: Option<f64>,
 }
 
-/// Now less then.
+/// Change of a parameter: now minus then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// By how much.
+    /// Size of the change.
     pub by: f64,
     /// Standard deviation of the change, as far as the two calibrations state theirs.
     pub std: f64,
 }
 
 impl Change {
-    /// Whether it is more than three standard deviations.
+    /// Whether the change exceeds three standard deviations.
     pub fn is_significant(self) -> bool {
         self.by.abs() > 3.0 * self.std
     }
 }
 
 impl Drift {
-    /// Whether anything moved by more than its uncertainty explains.
+    /// Whether any change is significant.
     pub fn is_significant(&self) -> bool {
         self.bias.iter().chain(&self.scale).flatten().any(|change| change.is_significant())
     }
 }
 
-/// How the triads of an IMU moved since an earlier calibration; those that both determine.
+/// Drifts of an IMU's triads since an earlier calibration, for triads that both determine.
 ///
 /// # Errors
 ///
@@ -52,7 +52,7 @@ pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String>
     let then = same(earlier, &now.name, &now.topic)
         .ok_or_else(|| format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name))?;
     let (Some(now), Some(then)) = (&now.calibration, &then.calibration) else { return Ok(Vec::new()) };
-    // Where both took the same gravity for that of one site, what it is off by is in both scales alike.
+    // If both took the same standard gravity, at one site, its error is the same in both scales.
     let standard = Gravity::standard();
     let same_site = now.gravity_source == standard.source.name() && then.gravity_source == now.gravity_source;
     let shared = if same_site { standard.std / standard.value } else { 0.0 };
@@ -67,7 +67,7 @@ pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String>
     Ok(accelerometer.into_iter().chain(gyroscope).chain(secondary).collect())
 }
 
-/// What an earlier calibration says of an IMU: of that name or topic, or the only one that it is of.
+/// The findings of an IMU in an earlier calibration: by name or topic, or the only ones there are.
 pub fn same<'a>(earlier: &'a [Findings], name: &str, topic: &str) -> Option<&'a Findings> {
     let named = |then: &&Findings| then.name == name || !then.topic.is_empty() && then.topic == topic;
     match earlier {
@@ -76,7 +76,7 @@ pub fn same<'a>(earlier: &'a [Findings], name: &str, topic: &str) -> Option<&'a 
     }
 }
 
-/// How a triad moved; of the scales both are off by a common share of `shared`, one standard deviation, which counts once.
+/// Drift of a triad. Both scales contain a common relative error with standard deviation `shared`, which counts once.
 fn moved(now: &Triad, then: &Triad, gravity: Option<f64>, shared: f64) -> Option<Drift> {
     let current = calibration(now)?;
     if then.status() == Status::Undetermined {
@@ -108,8 +108,8 @@ fn moved(now: &Triad, then: &Triad, gravity: Option<f64>, shared: f64) -> Option
 
 /// Largest ‖corrected with `earlier` − true‖ over all directions of a true value of length g, if `now` is right.
 ///
-/// The difference is A·g·u + c over unit vectors u; its length is convex, so walking from a direction to the one that its
-/// gradient points in never lowers it, and fourteen starts find the highest peak.
+/// The difference is A·g·u + c over unit vectors u. Its length is convex, so stepping from a direction to that of its
+/// gradient never lowers it, and the 26 starts find the highest peak.
 fn worst(now: &Calibration, earlier: &Calibration, gravity: f64) -> f64 {
     let inverse = earlier.inverse();
     let a = (inverse * now.sensitivity - Matrix3::identity()) * gravity;
@@ -139,7 +139,7 @@ mod tests {
             let Some(u) = Vector3::from(u).try_normalize(0.01) else { return Ok(()) };
             let change = (Calibration::default().correct(&now.measure(&(u * 9.8))) - u * 9.8).norm();
             prop_assert!(change <= worst * (1.0 + 1e-6), "{change} > {worst}");
-            // And some direction comes close: the bound of the triangle is never halved.
+            // And some direction comes close to the bound of the triangle inequality.
             prop_assert!(worst >= now.bias.norm() * 0.99);
         }
     }

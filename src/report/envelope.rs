@@ -1,24 +1,24 @@
-//! The outline of a long signal in constant memory: the range that each axis covered in each of at most 1,024 spans of
-//! time. How it is drawn is left to [`plot`](super::plot).
+//! Outline of a long signal in constant memory: the range of each axis in each of at most 1,024 spans of time.
+//! [`plot`](super::plot) draws it.
 
 use crate::Stamp;
 
-/// So many spans are kept; when they are full, neighbours are merged.
+/// Most spans that are kept; when they are full, neighbours are merged.
 const SPANS: usize = 1024;
 
-/// The outline of a signal of N axes.
+/// Outline of a signal with N axes.
 #[derive(Clone, Debug)]
 pub struct Envelope<const N: usize> {
     origin: Option<Stamp>,
     /// Length of a span, ns.
     width: i64,
     spans: Vec<Option<[Range; N]>>,
-    /// Samples taken in.
+    /// Number of samples taken.
     samples: u64,
     last: Stamp,
 }
 
-/// What an axis covered in a span.
+/// Range of an axis in a span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Smallest value.
@@ -34,7 +34,7 @@ impl<const N: usize> Default for Envelope<N> {
 }
 
 impl<const N: usize> Envelope<N> {
-    /// Takes a sample in. One from before the first is none.
+    /// Takes a sample. Ignores one from before the first, and one that is not finite.
     pub fn push(&mut self, stamp: Stamp, value: [f64; N]) {
         let since = stamp.since(*self.origin.get_or_insert(stamp));
         if since < 0 || value.iter().any(|value| !value.is_finite()) {
@@ -59,11 +59,11 @@ impl<const N: usize> Envelope<N> {
         self.origin.map(|origin| (origin, self.last.max(origin)))
     }
 
-    /// The ranges in order of time, by the middle of their spans, cut where the signal was silent.
+    /// The ranges in time order, each at the middle of its span, split where the signal was silent.
     pub fn runs(&self) -> Vec<Vec<(Stamp, [Range; N])>> {
         let Some(origin) = self.origin else { return Vec::new() };
         let filled = self.spans.iter().flatten().count().max(1);
-        // Ten times the usual distance of filled spans is a silence.
+        // Ten times the usual distance of filled spans counts as silence.
         let silence = 10 * self.spans.len() / filled;
         let mut runs = Vec::<Vec<_>>::new();
         let mut before = None;
@@ -79,7 +79,7 @@ impl<const N: usize> Envelope<N> {
         runs
     }
 
-    /// Smallest and largest value of all axes.
+    /// Smallest and largest value over all axes.
     pub fn range(&self) -> Option<Range> {
         let all = self.spans.iter().flatten().flatten().copied();
         all.reduce(|a, b| Range { low: a.low.min(b.low), high: a.high.max(b.high) })

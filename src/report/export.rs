@@ -1,5 +1,5 @@
-//! Calibrations in the formats of other programs. Each converts direction, axes and units, says so in its header with
-//! the source of its convention, and refuses what it cannot hold.
+//! Calibrations in the formats of other programs. Each converts direction, axes and units, states so in its header with
+//! the source of its convention, and refuses what it cannot represent.
 
 pub(super) mod autopilot;
 mod imu_calib;
@@ -13,14 +13,14 @@ use crate::fit::Calibration;
 use crate::messages::{self, Triad};
 use crate::printable;
 
-/// A format: what it is called, what is said of it, and what writes it. Each stands in a file of its own.
+/// A format: name, help text and writer. Each has a file of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
-    /// What it is chosen by.
+    /// Name by which it is chosen.
     pub name: &'static str,
-    /// What is said of it.
+    /// Help text.
     pub help: &'static str,
-    /// Which choices of a random walk mean something in it.
+    /// Random-walk options that apply to it.
     random_walks: RandomWalks,
     write: fn(&[Findings], &Options) -> Result<Exported, ExportError>,
 }
@@ -43,47 +43,47 @@ impl Format {
     }
 }
 
-/// Which choices of a random walk mean something in a format.
+/// Random-walk options that apply to a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum RandomWalks {
-    /// It holds none, or holds what the rests show alone.
+    /// The format has no random walk, or only one that the rests show.
     None,
     /// The upper bound.
     Bound,
-    /// That, and numbers from elsewhere.
+    /// The upper bound, and given numbers.
     Any,
 }
 
-/// What an export has to be told.
+/// Options of an export.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Which IMU, by its name; needed where a format holds one and there are several.
+    /// Name of the IMU; needed if the format holds one and there are several.
     pub imu: Option<String>,
-    /// Which accelerometer: the primary one, or a secondary by its name.
+    /// Accelerometer: the primary one, or a secondary one by its name.
     pub sensor: Option<String>,
-    /// What the calibrated readings were, for formats whose reader applies them to raw ones.
+    /// State of the calibrated readings, for formats whose reader applies them to raw ones.
     pub readings: Readings,
-    /// Axes of the calibrated readings, for formats that have their own.
+    /// Axes of the calibrated readings, for formats that prescribe axes.
     pub axes: Option<Axes>,
-    /// Which of an autopilot's sensors.
+    /// Slot of the sensor in an autopilot.
     pub slot: u8,
-    /// What to write for random walks that the rests do not show.
+    /// Values to write for random walks that the rests do not show.
     pub random_walk: Option<RandomWalk>,
 }
 
-/// What is written for a random walk of a bias that the rests do not show.
+/// Value to write for a random walk of a bias that the rests do not show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RandomWalk {
-    /// The upper bound that they give.
+    /// The upper bound that the rests give.
     Bound,
-    /// These of accelerometer and gyroscope, m/s³/√Hz and rad/s²/√Hz.
+    /// Given values of accelerometer and gyroscope, m/s³/√Hz and rad/s²/√Hz.
     Given([f64; 2]),
 }
 
 impl FromStr for RandomWalk {
     type Err = &'static str;
 
-    /// `bound`, or two positive numbers, `ACCEL,GYRO`.
+    /// Parses `bound`, or two positive numbers, `ACCEL,GYRO`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         if text == "bound" {
             return Ok(Self::Bound);
@@ -96,19 +96,19 @@ impl FromStr for RandomWalk {
     }
 }
 
-/// Whether readings were corrected before they were calibrated.
+/// State of readings before calibration: raw or corrected.
 #[derive(Clone, Debug, Default)]
 pub enum Readings {
-    /// Nobody said.
+    /// Unspecified.
     #[default]
     Unsaid,
-    /// As the sensor gave them.
+    /// Raw readings of the sensor.
     Raw,
     /// Already corrected with these parameters.
     Corrected(Parameters),
 }
 
-/// Which way the axes of a sensor point.
+/// Directions of a sensor's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// Forward, left, up: ROS
@@ -118,11 +118,11 @@ pub enum Axes {
 }
 
 impl Axes {
-    /// Both, the name that each is chosen by, and what is said of it.
+    /// Both, each with its name and help text.
     pub const ALL: &[(Self, &str, &str)] =
         &[(Self::Flu, "flu", "Forward, left, up: ROS"), (Self::Frd, "frd", "Forward, right, down: autopilots")];
 
-    /// The signs that turn the axes of the one into those of the other, both ways.
+    /// Signs that convert the axes of one into those of the other, in both directions.
     pub(super) fn signs_to(self, other: Self) -> [f64; 3] {
         if self == other { [1.0; 3] } else { [1.0, -1.0, -1.0] }
     }
@@ -133,65 +133,65 @@ impl Axes {
 pub struct Exported {
     /// The file.
     pub text: String,
-    /// What the reader should know, one line each.
+    /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Exported {
-    /// A file that needs no warning.
+    /// A file without warnings.
     fn plain(text: String) -> Self {
         Self { text, warnings: Vec::new() }
     }
 }
 
-/// Why there is no export.
+/// Reason why an export fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// One is to be chosen.
+    /// One IMU must be chosen.
     #[error("the format holds one IMU; choose with --imu: {0}")]
     Several(String),
-    /// It does not exist.
+    /// The IMU or accelerometer does not exist.
     #[error("no {what} {name}; there are: {known}")]
     Unknown {
         /// IMU or accelerometer.
         what: &'static str,
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What could have been.
+        /// The existing names.
         known: String,
     },
-    /// There is nothing to export.
+    /// The triad is not determined.
     #[error("{what} is not determined: {why}")]
     Undetermined {
-        /// Which triad.
+        /// The triad.
         what: String,
         /// The reason, and the next step.
         why: String,
     },
-    /// It would be lost.
+    /// The format cannot hold part of the calibration.
     #[error("{format} cannot hold {what}; {next}")]
     Holds {
         /// The format.
         format: &'static str,
-        /// What does not fit.
+        /// The part that does not fit.
         what: String,
-        /// What to do instead.
+        /// The next step.
         next: &'static str,
     },
-    /// It would be wrong.
+    /// The result would be wrong.
     #[error("{0}")]
     Refused(String),
 }
 
-/// Where to go with a model that a format has no place for.
+/// Advice for a model that the format cannot hold.
 const LEANER: &str =
     "calibrate the recording with --set fit.model=bias-scale, or use --format json, kalibr or imu-calib";
 
-/// Writes what was found in a format.
+/// Writes findings in a format.
 ///
 /// # Errors
 ///
-/// If the format cannot hold it, or something has to be said before it would be right.
+/// If the format cannot hold them, or an option is missing without which the result could be wrong.
 pub fn export(findings: &[Findings], format: Format, options: &Options) -> Result<Exported, ExportError> {
     if let Some(walk) = options.random_walk.filter(|&walk| !format.takes(walk)) {
         let formats: Vec<_> = Format::ALL.iter().filter(|other| other.takes(walk)).map(|other| other.name).collect();
@@ -204,7 +204,7 @@ pub fn export(findings: &[Findings], format: Format, options: &Options) -> Resul
     }
 }
 
-/// The IMU that is meant.
+/// The chosen IMU.
 fn one<'a>(findings: &'a [Findings], options: &Options) -> Result<&'a Findings, ExportError> {
     let names = || findings.iter().map(|imu| imu.name.as_str()).collect::<Vec<_>>().join(", ");
     match (&options.imu, findings) {
@@ -217,7 +217,7 @@ fn one<'a>(findings: &'a [Findings], options: &Options) -> Result<&'a Findings, 
     }
 }
 
-/// The accelerometer that is meant, and its numbers.
+/// The chosen accelerometer and its calibration.
 fn accelerometer<'a>(imu: &'a Findings, sensor: Option<&str>) -> Result<(&'a Triad, Calibration), ExportError> {
     let found = imu.calibration.as_ref();
     let secondary = found.map_or(&[][..], |found| &found.secondary);
@@ -244,7 +244,7 @@ fn gyroscope(imu: &Findings) -> Option<(&Triad, Calibration)> {
     Some((triad, calibration(triad)?))
 }
 
-/// The sensitivities beyond bias and S of a triad, each by its name.
+/// Names of a triad's sensitivities beyond bias and S.
 fn beyond(triad: &Triad) -> impl Iterator<Item = &'static str> {
     let said = |values: &[f64]| values.iter().any(|&value| value != 0.0);
     let named = [
@@ -255,7 +255,7 @@ fn beyond(triad: &Triad) -> impl Iterator<Item = &'static str> {
     named.into_iter().filter_map(|(name, is_said)| is_said.then_some(name))
 }
 
-/// Comment lines that every foreign format begins with.
+/// First comment lines of every foreign format.
 fn heading(imu: &Findings, triads: &[&Triad]) -> Vec<String> {
     let mut lines = vec![format!("Calibration of {} by Stillpoint {}", imu.name, env!("CARGO_PKG_VERSION"))];
     for triad in triads {
@@ -268,7 +268,7 @@ fn heading(imu: &Findings, triads: &[&Triad]) -> Vec<String> {
     lines
 }
 
-/// Text as comments; what a recording names cannot end a comment early.
+/// Text as comment lines; a name from a recording cannot end a comment early.
 fn comments(lines: &[String]) -> String {
     let line = |line: &String| format!("# {}\n", printable(line));
     lines.iter().map(line).collect()

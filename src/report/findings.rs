@@ -1,6 +1,5 @@
-//! What the annotations of a recording come to, IMU by IMU: the last word on everything.
-//!
-//! The same whether the annotations were just learned or read back. Saying it is left to the commands.
+//! Findings of a recording, IMU by IMU: the last state of all annotations. They are the same whether the annotations
+//! were just learned or read back.
 
 use std::collections::BTreeMap;
 
@@ -10,18 +9,18 @@ use crate::messages::{Calibration, Coverage, Noise, Segment, Triad, Turn};
 
 use super::{NearMisses, Weight, calibration, vector, weight};
 
-/// What is known of one IMU.
+/// Findings of one IMU.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Findings {
-    /// What its annotation topics begin with.
+    /// Prefix of its annotation topics.
     pub name: String,
     /// Topic of its accelerometer.
     pub topic: String,
-    /// Type of the messages on it; empty where it is not known, as beside a sidecar.
+    /// Type of the messages on it; empty if unknown, for example beside a sidecar.
     pub source_type: String,
-    /// The rests by start, in nanoseconds; each with the last verdict.
+    /// The rests by their start in nanoseconds, each with its last verdict.
     pub rests: BTreeMap<i64, Segment>,
-    /// The turns between them by start, in nanoseconds; each with the last verdict.
+    /// The turns between them by their start in nanoseconds, each with its last verdict.
     pub turns: BTreeMap<i64, Turn>,
     /// Sums of the noise at rest.
     pub noise: Option<Noise>,
@@ -34,12 +33,12 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Nothing yet.
+    /// Empty findings.
     pub fn new(name: &str, topic: &str) -> Self {
         Self { name: name.to_owned(), topic: topic.to_owned(), ..Self::default() }
     }
 
-    /// Takes in an event; later ones count.
+    /// Takes an event; later ones replace earlier ones.
     pub fn note(&mut self, event: &Event) {
         match &event.message {
             Message::Segment(segment) => {
@@ -61,7 +60,7 @@ impl Findings {
         self.rests.values().filter(|rest| rest.accepted).count()
     }
 
-    /// Rests that did not, in order of time.
+    /// Rests that did not enter the fit, in time order.
     pub fn rejected(&self) -> impl Iterator<Item = &Segment> {
         self.rests.values().filter(|rest| !rest.accepted)
     }
@@ -72,19 +71,19 @@ impl Findings {
         accelerometer.is_some_and(|triad| triad.status() != Status::Undetermined)
     }
 
-    /// Every triad that the calibration speaks of, the accelerometer first.
+    /// Every triad of the calibration, the accelerometer first.
     pub fn triads(&self) -> impl Iterator<Item = &Triad> {
         let found = self.calibration.iter();
         found.flat_map(|found| found.accelerometer.iter().chain(&found.gyroscope).chain(&found.secondary))
     }
 
-    /// Whether nothing is left to do: all that was calibrated is confirmed, and nothing speaks against it.
+    /// Whether nothing is left to do: all calibrated triads are confirmed, and no note speaks against them.
     pub fn is_done(&self) -> bool {
         let is_good = |triad: &Triad| triad.status() == Status::Confirmed && serious(triad).is_none();
         self.is_calibrated() && self.triads().all(is_good)
     }
 
-    /// What to do next. What speaks against the calibration, or is not confirmed, comes before being done.
+    /// The next step. Notes against the calibration, and unconfirmed triads, take precedence over being done.
     pub fn next_step(&self) -> String {
         let said = self.coverage.as_ref().map(|coverage| coverage.next_step.as_str()).filter(|step| !step.is_empty());
         let said = said.unwrap_or("record the sensor at rest, each face up in turn");
@@ -101,7 +100,8 @@ impl Findings {
         format!("{} is not confirmed yet: {why}", names.join(" and "))
     }
 
-    /// Root mean square of ‖a‖ − g over the accepted rests, as read and corrected, m/s²; the accelerometer's.
+    /// Root mean square of ‖a‖ − g over the accepted rests, of readings and of corrected readings, m/s²; accelerometer
+    /// only.
     pub fn residuals(&self) -> Option<[f64; 2]> {
         let found = self.calibration.as_ref()?;
         let known = calibration(found.accelerometer.as_ref()?)?;
@@ -117,7 +117,7 @@ impl Findings {
         (count > 0.0).then(|| squares.map(|sum| f64::sqrt(sum / count)))
     }
 
-    /// Why the accelerometer was not calibrated, if it was not.
+    /// Reason why the accelerometer was not calibrated, if it was not.
     pub fn reason(&self) -> Option<&str> {
         if self.is_calibrated() {
             return None;

@@ -1,10 +1,10 @@
-//! Text as HTML shows it.
+//! Escaping of text for HTML.
 
 use std::borrow::Cow;
 
 use crate::printable;
 
-/// Text that a recording cannot break out of. Lines stay lines.
+/// Escapes text so that it cannot break out of its element. Line breaks stay.
 pub(super) fn escape(text: &str) -> Cow<'_, str> {
     if text.contains('\n') {
         return text.split('\n').map(escape).collect::<Vec<_>>().join("\n").into();

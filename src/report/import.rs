@@ -1,4 +1,5 @@
-//! Calibrations of other programs as our own, whatever their direction and units. The inverse of [`export`](super::export()).
+//! Import of calibrations of other programs, whatever their direction and units. The inverse of
+//! [`export`](super::export()).
 
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
@@ -9,39 +10,39 @@ use super::{Axes, Findings, Parameters, row_major};
 use crate::messages::triad::{Model, Status};
 use crate::messages::{self, AxisNoise, Calibration, TemperatureModel, Triad};
 
-/// Why a text is no calibration.
+/// Reason why a text is no calibration.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
-    /// None of the formats.
+    /// It has none of the formats.
     #[error(
         "is no calibration that Stillpoint knows: JSON or YAML of stillpoint export, Kalibr, imu_calib, PX4 or ArduPilot"
     )]
     Unknown,
-    /// One of them, but wrong.
+    /// It has one of the formats, but is invalid.
     #[error("{format}: {what}")]
     Wrong {
-        /// Which.
+        /// The format.
         format: &'static str,
-        /// What is wrong with it.
+        /// The fault.
         what: String,
     },
-    /// The axes of the recording are to be said.
+    /// The axes of the recording are unspecified.
     #[error(
         "{0} counts along forward, right, down: say which way the axes of the recording point, --axes frd or flu (ROS)"
     )]
     Axes(&'static str),
 }
 
-/// The IMUs that a calibration file speaks of. A name that the file lacks is empty.
+/// Parses the IMUs of a calibration file. A name that the file lacks is empty.
 ///
 /// # Errors
 ///
-/// If it is in none of the formats, or contradicts its own.
+/// If it is in none of the formats, or violates its own.
 pub fn import(text: &str, axes: Option<Axes>) -> Result<Vec<Findings>, ImportError> {
     if let Some(parameters) = Parameters::parse(text) {
         return autopilot(&parameters, axes);
     }
-    // JSON is YAML, but its numbers are read back exactly by its own reader only.
+    // JSON is YAML, but only its own parser reads its numbers back exactly.
     let document: Value =
         serde_json::from_str(text).or_else(|_| serde_saphyr::from_str(text)).map_err(|_| ImportError::Unknown)?;
     if let Some(imus) = document.get("imus").and_then(Value::as_array) {
@@ -198,7 +199,7 @@ fn autopilot(parameters: &Parameters, axes: Option<Axes>) -> Result<Vec<Findings
     for names in (0..5).filter_map(names) {
         let (offset, scale) = (parameters.vector(&names.accel_offset), parameters.vector(&names.accel_scale));
         let gyro = parameters.vector(&names.gyro_offset);
-        // A slot that nothing was calibrated in holds zeros.
+        // An uncalibrated slot holds zeros.
         let untouched = |values: Option<[f64; 3]>| values.is_none_or(|values| values == [0.0; 3]);
         if untouched(offset) && untouched(gyro) {
             continue;
@@ -271,7 +272,7 @@ fn diagonal(row_major: &[f64]) -> Option<messages::Vector3> {
     }
 }
 
-/// So many finite numbers, in one list or in rows; `null` is 0, as in a standard deviation that was not estimated.
+/// Parses n finite numbers, in one list or in rows; `null` is 0, like a standard deviation that was not estimated.
 fn numbers(value: &Value, n: usize) -> Option<Vec<f64>> {
     let mut found = Vec::new();
     for item in value.as_array()? {

@@ -18,7 +18,7 @@ pub fn rests<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
     json!({"found": found, "accepted": accepted, "rejected": found - accepted})
 }
 
-/// How far an IMU moved since an earlier calibration: a list of triads, or an error.
+/// Drifts of an IMU since an earlier calibration: a list of triads, or an error.
 pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
     let changes = |changes: &Option<[Change; 3]>| {
         changes.map(|changes| json!({"by": changes.map(|change| change.by), "std": changes.map(|change| change.std)}))
@@ -40,7 +40,7 @@ pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
 
 fn imu(findings: &Findings) -> Value {
     let calibration = findings.calibration.as_ref();
-    // What another program wrote has no history; its revision is 0.
+    // A calibration of another program has no history; its revision is 0.
     let history = calibration.filter(|c| c.revision > 0);
     json!({
         "name": findings.name,
@@ -74,7 +74,7 @@ pub fn coverage(coverage: &Coverage) -> Value {
     json!({"faces": faces.collect::<Value>(), "complete": coverage.complete, "next_step": coverage.next_step})
 }
 
-/// A triad; what is not estimated is `null`.
+/// A triad; a parameter that is not estimated is `null`.
 pub fn triad(triad: Option<&Triad>) -> Value {
     let none = Triad::default();
     let triad = triad.unwrap_or(&none);
@@ -107,7 +107,7 @@ pub fn triad(triad: Option<&Triad>) -> Value {
     })
 }
 
-/// Densities by axis; what is claimed of no random walk is `null`.
+/// Noise densities by axis; a random walk that is not claimed is `null`.
 fn noise(axes: &[AxisNoise]) -> Option<Value> {
     let by_axis = |value: &dyn Fn(&AxisNoise) -> Value| axes.iter().map(value).collect::<Value>();
     (!axes.is_empty()).then(|| {
@@ -134,7 +134,7 @@ fn temperature(model: &TemperatureModel) -> Value {
 }
 
 fn vector(v: &Vector3) -> Value {
-    // Protobuf does not tell zeros of either sign apart, so that what was read back must not either.
+    // Protobuf does not distinguish zeros by their sign, so a value that was read back must not either.
     json!([v.x + 0.0, v.y + 0.0, v.z + 0.0])
 }
 
@@ -150,7 +150,7 @@ fn matrix(row_major: &[f64]) -> Option<Vec<&[f64]>> {
     list(row_major).map(|values| values.chunks(3).collect())
 }
 
-/// A standard deviation of zero belongs to an entry that the model holds fixed.
+/// Standard deviations; zero belongs to an entry that the model holds fixed, and becomes `null`.
 fn matrix_of_estimates(row_major: &[f64]) -> Option<Vec<Vec<Option<f64>>>> {
     let row = |row: &&[f64]| row.iter().map(|&std| Some(std).filter(|&std| std > 0.0)).collect();
     matrix(row_major).map(|rows| rows.iter().map(row).collect())

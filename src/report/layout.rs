@@ -1,35 +1,34 @@
-//! A layout for Foxglove and Lichtblick, for the topics of a recording: what the sensor reads, whether it rests, the faces,
-//! the calibration with its intervals, gravity in the sensor's frame, how it all stands, and the log. Opening it is left to
-//! the viewer.
+//! Layout for Foxglove and Lichtblick, for the topics of a recording: the readings, the rest state, the faces, the
+//! calibration with its intervals, gravity in the sensor's frame, diagnostics, and the log.
 //!
-//! Scripts in the layout derive what no panel can: the ends of intervals, a scene of directions, and diagnostics, which a
-//! recording does not hold.
+//! Scripts in the layout derive what no panel can: interval ends, a scene of directions, and diagnostics, which a
+//! recording does not contain.
 
 use serde_json::{Map, Value, json};
 
 use crate::topic::{self, Kind};
 
-/// An IMU as a layout needs to know it.
+/// Properties of an IMU that its layout depends on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LayoutImu {
-    /// What its annotation topics begin with.
+    /// Prefix of its annotation topics.
     pub name: String,
     /// Message paths of the three axes of its accelerometer.
     pub acceleration: [String; 3],
-    /// The same within a corrected message.
+    /// The same paths within a corrected message.
     pub corrected: [String; 3],
-    /// Frame that its readings are in.
+    /// Frame of its readings.
     pub frame_id: String,
-    /// Whether its annotations are plotted by their stamps. While a recording is followed, viewers know no other time of a
-    /// message than that of its arrival, and recorders write many seconds at once.
+    /// Whether its annotations are plotted by their stamps. While a recording is followed, viewers otherwise know only
+    /// the arrival time of a message, and recorders write many seconds at once.
     pub is_stamped: bool,
-    /// Whether its readings are.
+    /// Whether its readings are plotted by their stamps.
     pub are_readings_stamped: bool,
 }
 
 const COLOURS: [&str; 3] = ["#0072b2", "#d55e00", "#009e73"];
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// What stands for topics in the scripts.
+/// Placeholders of topics in the scripts.
 const TOPICS: [(&str, Kind); 4] = [
     ("STILLNESS_TOPIC", Kind::Stillness),
     ("SEGMENT_TOPIC", Kind::Segment),
@@ -37,7 +36,7 @@ const TOPICS: [(&str, Kind); 4] = [
     ("CALIBRATION_TOPIC", Kind::Calibration),
 ];
 
-/// The layout: a tab for each IMU, if there are several.
+/// The layout, with a tab for each IMU if there are several.
 pub fn layout(imus: &[LayoutImu]) -> Value {
     let mut panels = Map::new();
     let mut scripts = Map::new();
@@ -59,7 +58,7 @@ pub fn layout(imus: &[LayoutImu]) -> Value {
     })
 }
 
-/// The panels of one IMU, and how they stand beside each other.
+/// The panels of one IMU and their arrangement.
 fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut Map<String, Value>) -> Value {
     let [stillness, segment] = [Kind::Stillness, Kind::Segment].map(|kind| quoted(&topic::of(&imu.name, kind)));
     let [bands, gravity, diagnostics] =
@@ -118,7 +117,7 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
             learned(&format!("{stillness}.leave"), "moving above", COLOURS[1]),
         ],
     );
-    // In motion it is hundreds of times the floor, beside which the thresholds could not be told from nothing.
+    // In motion it is hundreds of times the floor; on that scale the thresholds could not be told from zero.
     (deviation["minYValue"], deviation["maxYValue"]) = (0.into(), 12.into());
     let statistic = put("Plot", "statistic", deviation);
     let summary = put(
@@ -176,13 +175,13 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
     stack(&[(left, 61.0), (right, 100.0)], "row")
 }
 
-/// A topic as a message path begins with it: quoted where its letters would end it.
+/// A topic at the start of a message path: quoted if its characters would end it.
 pub fn quoted(topic: &str) -> String {
     let plain = topic.chars().all(|c| c.is_ascii_alphanumeric() || "/_-".contains(c));
     if plain { topic.to_owned() } else { format!("\"{}\"", plain_text(topic)) }
 }
 
-/// What cannot leave the string that it stands in.
+/// Text that cannot leave the string literal that contains it.
 fn plain(text: &str) -> String {
     plain_text(text)
 }
@@ -195,7 +194,7 @@ fn frame(imu: &LayoutImu) -> &str {
     if imu.frame_id.is_empty() { "imu" } else { &imu.frame_id }
 }
 
-/// Lines over time; the legend stands beside them, so many pixels wide.
+/// A plot of lines over time, with a legend of this width in pixels beside it.
 fn plot(title: &str, legend: u32, paths: impl IntoIterator<Item = Value>) -> Value {
     json!({
         "foxglovePanelTitle": title,
@@ -211,7 +210,7 @@ fn plot(title: &str, legend: u32, paths: impl IntoIterator<Item = Value>) -> Val
     })
 }
 
-/// Panels one after the other; each gets its percentage of what those before it have left.
+/// Panels in a row or column; each gets its percentage of the space that those before it left.
 fn stack(panels: &[(Value, f64)], direction: &str) -> Value {
     match panels {
         [] => Value::Null,

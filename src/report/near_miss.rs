@@ -1,36 +1,36 @@
-//! Spans in which a sensor was nearly at rest: quiet, but not as quiet, or not for as long, as a rest has to be.
+//! Near misses: spans in which a sensor was nearly at rest, but not quiet enough or not long enough for a rest.
 
 use super::nanos;
 use crate::messages::Stillness;
 use crate::messages::stillness::State;
 
-/// Spans that are kept; a recording of vibration has no end of them.
+/// Most spans that are kept; a recording of vibration has countless ones.
 const KEPT: usize = 100;
 
 /// A span that was nearly a rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearMiss {
-    /// First stamp that was nearly still, ns.
+    /// First nearly still stamp, ns.
     pub start: i64,
-    /// Last one, ns.
+    /// Last nearly still stamp, ns.
     pub end: i64,
     /// Lowest statistic, in noise floors.
     pub lowest: f64,
-    /// What it would have had to fall below.
+    /// Threshold that the statistic had to fall below.
     pub enter: f64,
 }
 
-/// Near misses as the states of an IMU tell them, in order of time.
+/// Near misses collected from the states of an IMU, in time order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NearMisses {
     all: Vec<NearMiss>,
     further: usize,
-    /// One that may yet become a rest.
+    /// A span that may still become a rest.
     open: Option<NearMiss>,
 }
 
 impl NearMisses {
-    /// Takes the next state in. What ends in a rest was none, nor is what swings on past the threshold that it left.
+    /// Takes the next state. A span that ends in a rest is no near miss, nor is the transition out of a rest.
     pub(super) fn note(&mut self, said: &Stillness) {
         let stamp = said.header.as_ref().map(|header| nanos(&header.stamp)).unwrap_or_default();
         let Stillness { statistic, enter, leave, .. } = *said;
@@ -49,17 +49,17 @@ impl NearMisses {
         }
     }
 
-    /// Those that are kept.
+    /// The spans that are kept.
     pub fn iter(&self) -> impl Iterator<Item = &NearMiss> {
         self.all.iter()
     }
 
-    /// How many there were.
+    /// Number of near misses, kept or not.
     pub fn count(&self) -> usize {
         self.all.len() + self.further
     }
 
-    /// What would take half of them or more, as a sentence; `None` without any.
+    /// Advice on how to turn half of them or more into rests, as a sentence; `None` without any.
     pub fn advice(&self) -> Option<String> {
         let mut lowest: Vec<_> = self.all.iter().map(|miss| miss.lowest).collect();
         lowest.sort_by(f64::total_cmp);

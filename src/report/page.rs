@@ -1,6 +1,7 @@
-//! The report as one HTML file: no script but to copy what is to be pasted, no network, light and dark, for screens of any width and for paper.
+//! The report as one HTML file: no script except to copy text, no network, light and dark, for screens of any width and
+//! for paper.
 //!
-//! Each section is a module; drawing is left to [`plot`](super::plot).
+//! Each section is a module; [`plot`](super::plot) draws.
 
 mod faces;
 mod history;
@@ -17,23 +18,23 @@ use crate::Stamp;
 use crate::messages::foxglove::log::Level;
 use crate::messages::{Segment, Triad};
 
-/// What a report is about.
+/// Content of a report.
 #[derive(Debug)]
 pub struct Page<'a> {
     /// Name of the recording.
     pub recording: &'a str,
     /// Its IMUs.
     pub timelines: &'a [Timeline],
-    /// What was missed or wrong in it, one line each.
+    /// Missing or wrong parts of the recording, one line each.
     pub notes: &'a [String],
-    /// The settings that were used, as TOML.
+    /// Settings that were used, as TOML.
     pub settings: &'a str,
     /// An earlier calibration to compare with.
     pub earlier: Option<&'a [Findings]>,
 }
 
 impl Page<'_> {
-    /// The file.
+    /// The HTML file.
     pub fn html(&self) -> String {
         let Self { recording, timelines, .. } = self;
         let imus: String = timelines.iter().map(|timeline| self.imu(timeline)).collect();
@@ -81,30 +82,30 @@ impl Page<'_> {
     }
 }
 
-/// One IMU's timeline with what several sections need.
+/// One IMU's timeline with data that several sections need.
 struct Imu<'a> {
     timeline: &'a Timeline,
     findings: &'a Findings,
-    /// Where its clock begins, and how long it runs, in seconds.
+    /// Start of its clock, and its duration in seconds.
     origin: Stamp,
     seconds: f64,
     rests: Vec<Rest<'a>>,
 }
 
-/// A rest as the sections see it.
+/// A rest as the sections need it.
 struct Rest<'a> {
     segment: &'a Segment,
-    /// Counts from 1.
+    /// Number, counted from 1.
     number: usize,
     /// Seconds since the origin.
     from: f64,
     until: f64,
-    /// Its face's place in the coverage.
+    /// Index of its face in the coverage.
     face: Option<usize>,
     /// ‖a‖ − g of the mean reading, before and after correction, m/s².
     raw: Option<f64>,
     corrected: Option<f64>,
-    /// Direction of the mean, corrected if that can be.
+    /// Direction of the mean reading, corrected if possible.
     up: Option<nalgebra::Vector3<f64>>,
 }
 
@@ -144,14 +145,14 @@ impl<'a> Imu<'a> {
         self.findings.calibration.as_ref()?.accelerometer.as_ref()
     }
 
-    /// Every triad that a calibration speaks of.
+    /// Every triad of the calibration.
     fn triads(&self) -> impl Iterator<Item = &'a Triad> + use<'a> {
         let found = self.findings.calibration.iter();
         found.flat_map(|found| found.accelerometer.iter().chain(&found.gyroscope).chain(&found.secondary))
     }
 }
 
-/// The verdict, the next step, and the numbers that matter most.
+/// The verdict, the next step, and the most important numbers.
 fn summary(imu: &Imu<'_>) -> String {
     let Findings { name, topic, coverage, .. } = imu.findings;
     let heading = match topic == name {
@@ -234,19 +235,19 @@ fn section(heading: &str, content: &str) -> String {
     if content.is_empty() { String::new() } else { format!("<section><h3>{heading}</h3>{content}</section>") }
 }
 
-/// A name that lines break behind its parts, and not within them.
+/// A name that breaks only between its parts.
 fn breakable(name: &str) -> String {
     escape(name).replace('/', "/<wbr>").replace('_', "_<wbr>")
 }
 
-/// With a capital at its beginning and a stop at its end.
+/// Text with a capital at its beginning and a full stop at its end.
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
-/// Faces with a sign that no line breaks behind.
+/// Text with minus signs that no line breaks behind.
 fn minus(text: &str) -> String {
     text.replace(" -", " \u{2212}")
 }
@@ -260,8 +261,8 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A day of the Gregorian calendar and a time in UTC; nothing for clocks that do not count from 1970.
-/// Days to dates by Hinnant's `civil_from_days`, in years that begin in March.
+/// Date of the Gregorian calendar and time in UTC; empty for clocks that do not count from 1970. Days to dates by
+/// Hinnant's `civil_from_days`, in years that begin in March.
 fn date(stamp: Stamp) -> String {
     const YEAR_2000: i64 = 946_684_800;
     let seconds = stamp.nanos().div_euclid(1_000_000_000);

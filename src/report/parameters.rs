@@ -1,4 +1,4 @@
-//! Parameter files of autopilots: names and values, whoever wrote them. What they mean is left to the formats.
+//! Parameter files of autopilots: names and values, whichever program wrote them. The formats interpret them.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 pub struct Parameters(BTreeMap<String, f64>);
 
 impl Parameters {
-    /// Reads QGroundControl's files (vehicle, component, name, value, type), Mission Planner's (`NAME,VALUE`) and
-    /// MAVProxy's (`NAME VALUE`). `None` if the text is none of these.
+    /// Parses files of QGroundControl (vehicle, component, name, value, type), Mission Planner (`NAME,VALUE`) and
+    /// MAVProxy (`NAME VALUE`). `None` if the text is none of these.
     pub fn parse(text: &str) -> Option<Self> {
         let mut parameters = BTreeMap::new();
         for line in text.lines() {
@@ -28,19 +28,19 @@ impl Parameters {
         (!parameters.is_empty()).then_some(Self(parameters))
     }
 
-    /// The value of a parameter.
+    /// Value of a parameter.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).copied()
     }
 
-    /// Three parameters that differ in their axis, which stands for the `*`; `None` unless all are there.
+    /// Three parameters whose names differ in the axis, which replaces the `*`; `None` unless all exist.
     pub(super) fn vector(&self, pattern: &str) -> Option<[f64; 3]> {
         let axis = |axis| self.get(&pattern.replace('*', axis));
         Some([axis("X")?, axis("Y")?, axis("Z")?])
     }
 }
 
-/// The value that a 32-bit parameter takes.
+/// Value as stored in a 32-bit parameter.
 pub(super) fn rounded(value: f64) -> f32 {
     value as f32
 }

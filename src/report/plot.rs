@@ -1,7 +1,7 @@
-//! Plots as static SVG that stretches with the page, and labels as text that does not. What they show is left to
-//! [`page`](super::page).
+//! Plots as static SVG that stretches with the page, and labels as text that does not.
 //!
-//! A drawing is 1000 by 1000 units whatever its size on the screen. Lines keep their width, dots are lines without length.
+//! A drawing is 1000 by 1000 units whatever its size on the screen. Lines keep their width, dots are lines without
+//! length.
 
 use std::fmt::Write as _;
 
@@ -15,7 +15,7 @@ pub(super) struct Plot {
     labels: String,
 }
 
-/// From values to places.
+/// Scale from values to places.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     low: f64,
@@ -24,26 +24,26 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// From the lowest to the highest, with a margin of this part of the range on either side.
+    /// Linear scale from the lowest to the highest value, with this fraction of the range as a margin on either side.
     pub(super) fn linear(low: f64, high: f64, margin: f64) -> Self {
         let (low, high) = if low < high { (low, high) } else { (low - 0.5, low + 0.5) };
         let margin = (high - low) * margin;
         Self { low: low - margin, high: high + margin, log: false }
     }
 
-    /// Decades around two positive values, if these are no smaller or larger than anything that is measured.
+    /// Logarithmic scale of whole decades around two positive values, which are clamped to the measurable range.
     pub(super) fn decades(low: f64, high: f64) -> Self {
         let (low, high) = (low.clamp(1e-12, 1e15), high.clamp(1e-11, 1e16));
         Self { low: low.log10().floor(), high: high.log10().ceil().max(low.log10().floor() + 1.0), log: true }
     }
 
-    /// 0 to 1 from the lowest to the highest, cut off beyond.
+    /// Place of a value: 0 at the lowest, 1 at the highest, clamped just beyond.
     fn place(self, value: f64) -> f64 {
         let value = if self.log { value.max(1e-12).log10() } else { value };
         ((value - self.low) / (self.high - self.low)).clamp(-0.01, 1.01)
     }
 
-    /// Round values inside, and their names.
+    /// Round values within the scale, and their labels.
     fn ticks(self) -> Vec<(f64, String)> {
         if self.log {
             let decades = (self.low as i32)..=(self.high as i32);
@@ -55,7 +55,7 @@ impl Scale {
         (first..=last).take(20).map(|i| (i as f64 * step, number(i as f64 * step, step))).collect()
     }
 
-    /// Moments on a clock of seconds inside, and their names.
+    /// Round times within the scale, in seconds, and their labels.
     fn clock(self) -> Vec<(f64, String)> {
         const STEPS: [f64; 14] =
             [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0, 7200.0, 14400.0];
@@ -70,20 +70,20 @@ impl Scale {
     }
 }
 
-/// A round number near the range over this many.
+/// Round step of at least the range divided by `parts`.
 fn round_step(range: f64, parts: f64) -> f64 {
     let raw = range / parts;
     let power = 10_f64.powf(raw.log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= raw).unwrap_or(raw)
 }
 
-/// With the decimals that its step needs, and a real minus.
+/// Number with the decimals that its step needs, and a typographic minus.
 fn number(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.decimals$}").replace('-', "−")
 }
 
-/// Seconds as a clock shows them.
+/// Seconds as minutes or hours on a clock.
 pub(super) fn moment(seconds: f64) -> String {
     let whole = seconds.round().max(0.0) as u64;
     match (whole / 3600, whole / 60 % 60, whole % 60) {
@@ -106,7 +106,7 @@ impl Plot {
         ((1.0 - self.y.place(y)) * 10_000.0).round() / 10.0
     }
 
-    /// A span of x over the whole height.
+    /// Draws a span of x over the whole height.
     pub(super) fn band(&mut self, from: f64, until: f64, class: &str, title: &str) {
         let (left, right) = (self.px(from), self.px(until));
         let width = ((right - left).max(1.0) * 10.0).round() / 10.0;
@@ -117,12 +117,12 @@ impl Plot {
         );
     }
 
-    /// Where a band would begin and how wide it would be, in parts of the width.
+    /// Start and width of a band, as fractions of the plot's width.
     pub(super) fn extent(&self, from: f64, until: f64) -> (f64, f64) {
         (self.px(from) / 1000.0, (self.px(until) - self.px(from)) / 1000.0)
     }
 
-    /// Between two lines of the same x.
+    /// Draws the area between two lines with the same x.
     pub(super) fn area(&mut self, points: &[(f64, f64, f64)], class: &str) {
         let (Some(first), true) = (points.first(), points.len() > 1) else {
             points.iter().for_each(|&(x, low, high)| self.whisker(x, low, high, class, ""));
@@ -146,7 +146,7 @@ impl Plot {
         let _ = write!(self.svg, r#"<path class="line {class}" d="{path}"/>"#);
     }
 
-    /// A horizontal line with its name at the right.
+    /// Draws a horizontal line with its name at the right.
     pub(super) fn rule(&mut self, y: f64, class: &str, name: &str) {
         let y = self.py(y);
         let _ = write!(self.svg, r#"<path class="rule {class}" d="M0 {y}H1000"/>"#);
@@ -167,13 +167,13 @@ impl Plot {
             write!(self.svg, r#"<path class="whisker {class}" d="M{x} {low}V{high}"><title>{title}</title></path>"#);
     }
 
-    /// Text at the top, centred on a part of the width.
+    /// Writes text at the top, centred at a fraction of the width.
     pub(super) fn tag(&mut self, at: f64, class: &str, text: &str) {
         let _ =
             write!(self.labels, r#"<span class="tag {class}" style="left:{:.2}%">{}</span>"#, at * 100.0, escape(text));
     }
 
-    /// The figure: y along round values, x along a clock or along `names`.
+    /// The figure, with round values along y, and a clock or `names` along x.
     pub(super) fn figure(self, size: &str, caption: &str, x: Along<'_>) -> String {
         let mut grid = String::new();
         let mut ys = String::new();
@@ -204,7 +204,7 @@ impl Plot {
     }
 }
 
-/// What the x axis is labelled with.
+/// Labels of the x axis.
 pub(super) enum Along<'a> {
     /// Seconds as minutes and hours.
     Clock,

@@ -1,4 +1,4 @@
-//! What happened to one IMU during a recording, in memory that does not grow with its samples: what a report is made of.
+//! Timeline of one IMU during a recording, the data of a report, in memory that does not grow with the samples.
 
 use super::{Envelope, Findings};
 use crate::Stamp;
@@ -8,13 +8,13 @@ use crate::messages::foxglove::log::Level;
 use crate::messages::stillness::State;
 use crate::messages::{Calibration, Stillness};
 
-/// Logged lines that are kept.
+/// Most logged lines that are kept.
 const LINES: usize = 200;
 
 /// One IMU's timeline.
 #[derive(Clone, Debug, Default)]
 pub struct Timeline {
-    /// The last word on everything.
+    /// The last state of all findings.
     pub findings: Findings,
     /// Readings of the accelerometer, m/s²; empty beside a sidecar.
     pub acceleration: Envelope<3>,
@@ -22,27 +22,27 @@ pub struct Timeline {
     pub rate: Envelope<3>,
     /// Readings of the secondary accelerometers in their order, m/s².
     pub secondary: Vec<Envelope<3>>,
-    /// The statistic that rest is judged by.
+    /// The statistic that decides on rest.
     pub statistic: Envelope<1>,
-    /// Thresholds that it is held against: enter, leave.
+    /// Thresholds of the statistic: enter, leave.
     pub thresholds: Option<[f64; 2]>,
-    /// Whether the IMU was ever believed to rest or to move.
+    /// Whether the state of the IMU was ever known, at rest or moving.
     pub was_judged: bool,
     /// Every published calibration, in order.
     pub revisions: Vec<Calibration>,
-    /// Warnings and decisions: when, how grave, what.
+    /// Warnings and decisions: log time in nanoseconds, level, text.
     pub log: Vec<(u64, Level, String)>,
-    /// Further ones.
+    /// Number of logged lines that were not kept.
     pub unlogged: u64,
 }
 
 impl Timeline {
-    /// Of an IMU that nothing is known of.
+    /// Timeline without events.
     pub fn new(findings: Findings) -> Self {
         Self { findings, ..Self::default() }
     }
 
-    /// Takes an event in.
+    /// Takes an event.
     pub fn note(&mut self, event: &Event) {
         match &event.message {
             Message::Stillness(stillness) => self.stillness(stillness),
@@ -56,7 +56,7 @@ impl Timeline {
         self.findings.note(event);
     }
 
-    /// Takes a sample in.
+    /// Takes a sample.
     pub fn sample(&mut self, sensor: Sensor, sample: &Sample) {
         let outline = match sensor {
             Sensor::Accelerometer => &mut self.acceleration,
@@ -71,7 +71,7 @@ impl Timeline {
         outline.push(sample.stamp, sample.value.into());
     }
 
-    /// From the first to the last thing that is known.
+    /// First and last known stamp.
     pub fn span(&self) -> Option<(Stamp, Stamp)> {
         let spans = [self.acceleration.span(), self.statistic.span()];
         let known = spans.into_iter().flatten();

@@ -1,8 +1,8 @@
-//! Names and numbers as people read them.
+//! Names and numbers for people.
 
 use crate::messages::triad::Model;
 
-/// The name of a measurement model, as in the configuration; `None` where there is none.
+/// Name of a measurement model, as in the configuration; `None` for no model.
 pub fn model(model: Model) -> Option<&'static str> {
     Some(match model {
         Model::None => return None,
@@ -15,24 +15,24 @@ pub fn model(model: Model) -> Option<&'static str> {
     })
 }
 
-/// The model of that name.
+/// Model of that name.
 pub(super) fn model_named(name: &str) -> Option<Model> {
     let all = [Model::Bias, Model::BiasScale, Model::Triangular, Model::CrossAxis, Model::Full, Model::Turns];
     all.into_iter().find(|&candidate| model(candidate) == Some(name))
 }
 
-/// How much a note bears on whether a calibration can be used.
+/// Importance of a note for the use of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Weight {
     /// Background: which richer models were refused, and what a number includes.
     Detail,
-    /// What would make it better.
+    /// Possible improvements.
     Hint,
-    /// What speaks against it.
+    /// Reasons against the use of the calibration.
     Serious,
 }
 
-/// The weight of a note. One that is not known speaks against a calibration until somebody reads it.
+/// Weight of a note. An unknown one counts as serious until somebody reads it.
 pub fn weight(note: &str) -> Weight {
     const DETAILS: [&str; 5] = [
         "no sensitivity from turns: ",
@@ -63,7 +63,7 @@ pub fn weight(note: &str) -> Weight {
     }
 }
 
-/// `value ± deviation` with as many decimals as the deviation, or an interval's half, gives meaning: two of its digits.
+/// `value ± deviation` with the decimals of the deviation's (or an interval half's) first two digits.
 pub fn estimate(value: f64, std: f64) -> String {
     let decimals = match std {
         std if std.is_finite() && std > 0.0 => (1.0 - std.log10().floor()).clamp(0.0, 9.0) as usize,

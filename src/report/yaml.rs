@@ -1,4 +1,4 @@
-//! YAML that readers of 1.1 and of 1.2 understand alike. What is written is left to the caller.
+//! YAML that parsers of 1.1 and of 1.2 understand alike.
 
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ fn block(value: &Value, indent: usize, out: &mut String) {
     }
 }
 
-/// What stands behind a key.
+/// Writes the value behind a key.
 fn inner(value: &Value, indent: usize, out: &mut String) {
     let nested = match value {
         Value::Object(fields) => !fields.is_empty(),
@@ -69,7 +69,7 @@ fn flow(value: &Value) -> String {
     }
 }
 
-/// The shortest number that reads back exactly. YAML 1.1 wants a point in it and a sign in its exponent.
+/// The shortest number that reads back exactly. YAML 1.1 needs a point in it and a sign in its exponent.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
     let Some((mantissa, exponent)) = text.split_once('e') else { return text };
@@ -78,7 +78,7 @@ pub(super) fn number(value: f64) -> String {
     format!("{mantissa}{point}e{sign}{exponent}")
 }
 
-/// Plain where nothing could take it for something else, else quoted as in JSON, which is YAML.
+/// A plain string where it is unambiguous, else quoted as in JSON, which is YAML.
 fn string(text: &str) -> String {
     let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/')
         && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./+ ".contains(c))

@@ -2,7 +2,7 @@
 //!
 //! Conventions: PX4 `src/lib/sensor_calibration/Accelerometer.hpp` and `Gyroscope.hpp` (`Correct`), ArduPilot
 //! `AP_InertialSensor_Backend.cpp` (`_rotate_and_correct_accel`, `_rotate_and_correct_gyro`). Both apply them to raw
-//! readings, before the rotation of the board.
+//! readings, before the board rotation.
 
 use super::{
     Axes, ExportError, Exported, Format, LEANER, Options, RandomWalks, Readings, accelerometer, beyond, comments,
@@ -28,14 +28,14 @@ pub(super) const ARDUPILOT: Format = Format {
     write: |findings, options| export(&ARDUPILOT_FILE, one(findings, options)?, options),
 };
 
-/// What two autopilots do not share.
+/// Differences between the two autopilots.
 struct Autopilot {
     name: &'static str,
     /// Names of a slot's parameters; `*` stands for the axis.
     names: fn(u8) -> Option<Names>,
     /// A line of the file; `true` for an integer.
     line: fn(&str, f64, bool) -> String,
-    /// Parameters that turn the board, which stands between raw and corrected readings.
+    /// Parameters of the board rotation, which lies between raw and corrected readings.
     rotation: &'static [&'static str],
     notes: &'static [&'static str],
 }
@@ -47,7 +47,7 @@ pub(in crate::report) struct Names {
     pub(in crate::report) gyro_offset: String,
     accel_id: String,
     gyro_id: String,
-    /// Of the sensor against the board, applied after offset and scale; −1 and 0 turn nothing.
+    /// Rotations of the sensor against the board, applied after offset and scale; −1 and 0 mean no rotation.
     pub(in crate::report) rotations: Vec<String>,
 }
 
@@ -143,7 +143,7 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
             put(&names.accel_scale, each(|i| gain[i] / scale[i]));
             used.push(*triad);
         }
-        // Half of a calibration is worth having; none is not.
+        // One of the two triads is enough; none is not.
         Err(error) if gyro.is_some() && options.sensor.is_none() => {
             warnings.push(format!("only the gyroscope: {error}"));
         }
@@ -190,7 +190,7 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
     Ok(Exported { text: comments(&lines) + &values, warnings })
 }
 
-/// What an autopilot did to the readings before they were calibrated.
+/// Parameters that an autopilot applied to the readings before calibration.
 struct InForce {
     /// Offset, m/s², and scale.
     accel: [[f64; 3]; 2],
@@ -200,7 +200,8 @@ struct InForce {
     gyro_id: Option<f64>,
 }
 
-/// An autopilot applies its parameters to raw readings: applied to corrected ones, they would count twice.
+/// Parameters in force. An autopilot applies its parameters to raw readings; applied to corrected ones, they would
+/// count twice.
 fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Readings) -> Result<InForce, ExportError> {
     let name = autopilot.name;
     let topic = &imu.topic;
@@ -245,7 +246,7 @@ fn composed(autopilot: &Autopilot, names: &Names, parameters: &Parameters) -> Re
     })
 }
 
-/// Messages that PX4 publishes after it applied its calibration.
+/// Whether PX4 publishes messages of this type after applying its calibration.
 fn is_corrected(source_type: &str) -> bool {
     ["SensorCombined", "VehicleAcceleration", "VehicleAngularVelocity", "VehicleImu"]
         .iter()

@@ -1,5 +1,5 @@
-//! Kalibr's two IMU files. Its direction is ours: `a = M · a_true + b` and `ω = M · C · ω_true + A · C · a_true + b`, with M
-//! lower triangular and C a rotation, so that S = M · C.
+//! Kalibr's two IMU files. The direction is the same as here: `a = M · a_true + b` and
+//! `ω = M · C · ω_true + A · C · a_true + b`, with M lower triangular and C a rotation, so that S = M · C.
 //! Convention: ethz-asl/kalibr, `IccSensors.py` (`IccScaledMisalignedImu`), and its wiki on the IMU noise model.
 
 use nalgebra::Matrix3;
@@ -30,7 +30,7 @@ pub(super) const INPUT: Format = Format {
     write: |findings, options| input(one(findings, options)?, options.random_walk).map(Exported::plain),
 };
 
-/// The results file: intrinsics of `imu0`, `imu1`, …
+/// Writes the results file: intrinsics of `imu0`, `imu1`, …
 fn intrinsics(findings: &[Findings], walk: Option<RandomWalk>) -> Result<Exported, ExportError> {
     let bound = matches!(walk, Some(RandomWalk::Bound));
     let mut lines = Vec::new();
@@ -104,7 +104,7 @@ fn block(imu: &Findings, bound: bool) -> Result<(Vec<String>, Value), ExportErro
     Ok((lines, Value::Object(fields)))
 }
 
-/// The file that Kalibr reads: noise and rate.
+/// Writes the file that Kalibr reads: noise and rate.
 fn input(imu: &Findings, walk: Option<RandomWalk>) -> Result<String, ExportError> {
     let noise = Noise::of(imu);
     let (bound, given) = (matches!(walk, Some(RandomWalk::Bound)), matches!(walk, Some(RandomWalk::Given(_))));
@@ -148,12 +148,12 @@ fn input(imu: &Findings, walk: Option<RandomWalk>) -> Result<String, ExportError
     Ok(format!("{}{}{fields}", comments(&lines), yaml::document(&json!({"rostopic": imu.topic}))))
 }
 
-/// S as a lower triangular matrix with a positive diagonal times a rotation.
+/// Factors S into a lower triangular matrix with a positive diagonal and a rotation.
 fn lower_and_rotation(s: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
     if s[(0, 1)] == 0.0 && s[(0, 2)] == 0.0 && s[(1, 2)] == 0.0 {
         return (*s, Matrix3::identity());
     }
-    // Gram and Schmidt on the rows; what is nearly a scaled identity loses no digits by it.
+    // Gram and Schmidt on the rows; a matrix close to a scaled identity loses no digits by it.
     let mut lower = Matrix3::zeros();
     let mut rotation = Matrix3::zeros();
     for row in 0..3 {
@@ -171,25 +171,25 @@ fn lower_and_rotation(s: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
 
 /// Noise at rest.
 struct Noise {
-    /// Samples a second of the accelerometer.
+    /// Sample rate of the accelerometer, Hz.
     rate: Option<f64>,
     accelerometer: TriadNoise,
     gyroscope: TriadNoise,
 }
 
-/// That of one triad, root mean square over its axes, in m/s² or rad/s.
+/// Noise of one triad, root mean square over its axes, in m/s² or rad/s.
 #[derive(Default)]
 struct TriadNoise {
-    /// Per √Hz.
+    /// Noise density, per √Hz.
     density: Option<f64>,
-    /// Of the bias, per s√Hz, where every axis shows one.
+    /// Random walk of the bias, per s√Hz, if every axis shows one.
     claimed: Option<f64>,
-    /// What it keeps to with a probability of 95 %: that of the worst axis.
+    /// Upper bound of the random walk with 95 % probability, of the worst axis.
     bound: Option<f64>,
 }
 
 impl TriadNoise {
-    /// By its Allan variance; of recordings that hold no Allan sums by the deviations in the rests.
+    /// From the Allan variance; for recordings without Allan sums, from the standard deviations in the rests.
     fn of(imu: &Findings, sensor: &str) -> Self {
         let sums = imu.noise.iter().flat_map(|noise| &noise.triads).find(|sums| sums.sensor == sensor);
         let axes = sums.map(|sums| engine::axis_noise(&engine::allan_sums(sums))).unwrap_or_default();
@@ -205,12 +205,12 @@ impl TriadNoise {
         }
     }
 
-    /// What may be written as the random walk, the bound only if asked to.
+    /// Random walk to write; the bound only on request.
     fn random_walk(&self, bound: bool) -> Option<f64> {
         self.claimed.or(self.bound.filter(|_| bound))
     }
 
-    /// What is to be said of the random walk if there is no claim.
+    /// Remark on the random walk if none is claimed.
     fn remark(&self, sensor: &str, written: bool) -> Option<String> {
         self.density.filter(|_| self.claimed.is_none())?;
         Some(match self.bound {
@@ -236,13 +236,13 @@ impl Noise {
     }
 }
 
-/// What a triad read in the accepted rests, and how long each was in seconds.
+/// Means of a triad in the accepted rests, each with the length of the rest in seconds.
 fn seen<'a>(imu: &'a Findings, sensor: &str) -> impl Iterator<Item = (&'a TriadMean, f64)> {
     let accepted = imu.rests.values().filter(|rest| rest.accepted);
     accepted.filter_map(move |rest| Some((rest.means.iter().find(|mean| mean.sensor == sensor)?, length(rest))))
 }
 
-/// Density by the deviation of one sample and how many are uncorrelated.
+/// Noise density from the standard deviation of a sample and the number of uncorrelated samples.
 fn deviation(imu: &Findings, sensor: &str) -> Option<f64> {
     let (mut energy, mut samples) = (0.0, 0.0);
     for (mean, seconds) in seen(imu, sensor) {
@@ -253,7 +253,7 @@ fn deviation(imu: &Findings, sensor: &str) -> Option<f64> {
     (samples > 0.0).then(|| f64::sqrt(energy / samples)).filter(|density| *density > 0.0)
 }
 
-/// Of one sample, mean over the axes.
+/// Variance of one sample, mean over the axes.
 fn variance(mean: &TriadMean) -> f64 {
     mean.std.as_ref().map_or(0.0, |std| (std.x * std.x + std.y * std.y + std.z * std.z) / 3.0)
 }

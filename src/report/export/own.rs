@@ -1,5 +1,5 @@
 //! Stillpoint's own layout, which holds everything, as JSON and as YAML.
-//! Convention: `measured = bias + sensitivity · true`; [`json`](crate::report::imus) says which fields there are.
+//! Convention: `measured = bias + sensitivity · true`; [`json`](crate::report::imus) defines the fields.
 
 use serde_json::json;
 

@@ -1,4 +1,4 @@
-//! The faces of the fixture: which were seen, for how long, and where gravity pointed during each rest.
+//! The faces of the fixture: which were seen, for how long, and the direction of gravity during each rest.
 
 use std::fmt::Write as _;
 

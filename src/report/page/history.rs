@@ -1,4 +1,4 @@
-//! How the calibration settled, refit by refit.
+//! Convergence of the calibration, refit by refit.
 
 use super::{Imu, section as framed};
 use crate::Stamp;
@@ -6,7 +6,7 @@ use crate::messages::{Calibration, Triad, Vector3};
 use crate::report::nanos;
 use crate::report::plot::{Along, Plot, Scale};
 
-/// Revisions that are drawn; the last one always.
+/// Most revisions that are drawn; the last one always is.
 const DRAWN: usize = 120;
 
 pub(super) fn section(imu: &Imu<'_>) -> String {
@@ -28,7 +28,7 @@ pub(super) fn section(imu: &Imu<'_>) -> String {
 
 type Estimate = (Option<Vector3>, Option<Vector3>);
 
-/// A parameter of every revision less its last value; nothing if it was published once.
+/// Plot of a parameter's revisions minus its last value; `None` with fewer than two.
 fn settling(
     imu: &Imu<'_>,
     caption: &str,
@@ -47,11 +47,11 @@ fn settling(
     points.reverse();
     let (_, _, last, _) = *points.last().filter(|_| points.len() > 1)?;
 
-    // The first refits may be sure of little; the later half sets the scale.
+    // The first refits may be very uncertain; the later half sets the scale.
     let late = points.iter().skip(points.len() / 2);
     let reach = late.flat_map(|(_, _, value, std)| (0..3).map(|i| (value[i] - last[i]).abs() + 1.96 * std[i]));
     let reach = 1.6 * reach.fold(0.0, f64::max);
-    // One drawing an axis: what lies on top of each other cannot be told apart.
+    // One drawing per axis: overlapping curves cannot be distinguished.
     let mut figures = String::new();
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.02), Scale::linear(-reach, reach, 0.0));

@@ -1,4 +1,4 @@
-//! The calibration in numbers, with its uncertainty, and how far it has moved since an earlier one.
+//! The calibration in numbers, with its uncertainty, and its drift since an earlier one.
 
 use std::fmt::Write as _;
 
@@ -86,7 +86,8 @@ fn triad(triad: &Triad) -> String {
     )
 }
 
-/// Three estimates with half the width of their 95 % intervals; one without a deviation is fixed by the model.
+/// Row of three estimates, each with half the width of its 95 % interval; one without a standard deviation is fixed by
+/// the model.
 fn row(rows: &mut String, name: &str, values: &[f64; 3], std: &Option<[f64; 3]>, unit: &str) {
     let mut cells = String::new();
     for (i, value) in values.iter().enumerate() {
@@ -123,7 +124,7 @@ fn since(now: &Findings, earlier: &[Findings]) -> String {
                 let class = if change.is_significant() { "n moved" } else { "n" };
                 let text = estimate(change.by, 1.96 * change.std);
                 let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
-                // What rounds to zero has no sign.
+                // A value that rounds to zero has no sign.
                 let is_zero = value.parse() == Ok(0.0);
                 let value = if is_zero { value.trim_start_matches('-').to_owned() } else { value.replace('-', "−") };
                 format!("<td class=\"{class}\">{value} <small>± {half}</small></td>")

@@ -1,4 +1,4 @@
-//! The numbers as they are pasted into programs: JSON, YAML, numpy, and the commands that do it without pasting.
+//! The numbers to paste into programs: JSON, YAML, numpy, and the commands that do it without pasting.
 
 use std::fmt::Write as _;
 
@@ -32,7 +32,7 @@ pub(super) fn section(imu: &Imu<'_>, recording: &str) -> String {
     framed("To paste", &blocks.map(|(name, text)| block(name, &text)).concat())
 }
 
-/// A text with a button that copies it; a click into the text selects all of it.
+/// A text with a button that copies it, and that selects all of it on a click.
 fn block(name: &str, text: &str) -> String {
     const COPY: &str = "getSelection().selectAllChildren(this.parentElement.querySelector('pre'));\
                         document.execCommand('copy');this.textContent='copied'";
@@ -42,7 +42,7 @@ fn block(name: &str, text: &str) -> String {
     )
 }
 
-/// What corrects a reading; `None` of a triad that is not determined.
+/// Parameters that correct a reading; `None` if the triad is not determined.
 fn numbers(triad: &Triad) -> Option<Value> {
     let known = calibration(triad)?;
     let rows = |values: &[f64]| values.chunks(3).map(|row| json!(row)).collect::<Value>();
@@ -73,7 +73,7 @@ fn unit(triad: &Triad) -> &'static str {
     if triad.sensor == "gyroscope" { "rad/s" } else { "m/s²" }
 }
 
-/// Objects in lines, lists on one.
+/// JSON with one line per field; lists stay on one line.
 fn pretty(value: &Value, indent: usize) -> String {
     let Value::Object(fields) = value else { return value.to_string() };
     let line = |(key, value): (&String, &Value)| {
@@ -113,7 +113,7 @@ fn numpy(triads: &[(&Triad, Value)]) -> String {
     text
 }
 
-/// A name as a shell takes it.
+/// A name quoted for a shell.
 fn quoted(name: &str) -> String {
     format!("'{}'", name.replace('\'', r"'\''"))
 }

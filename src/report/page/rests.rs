@@ -1,4 +1,4 @@
-//! The rests one by one: what remains of ‖a‖ − g, why some were rejected, and all of them in a table.
+//! The rests one by one: residuals of ‖a‖ − g, reasons of rejection, and a table of all.
 
 use std::fmt::Write as _;
 
@@ -6,11 +6,11 @@ use super::{Imu, Rest, escape, section, signal};
 use crate::Stamp;
 use crate::report::plot::{Along, Plot, Scale, moment};
 
-/// Rests that are drawn, and listed.
+/// Most rests that are drawn, and most that are listed.
 const DRAWN: usize = 600;
 const LISTED: usize = 200;
 
-/// ‖a‖ − g of each rest, before and after.
+/// Plots of ‖a‖ − g of each rest, before and after correction.
 pub(super) fn residuals(imu: &Imu<'_>) -> String {
     let before = residual(imu, "Before: ‖a‖ − g of the mean reading, m/s²", |rest| rest.raw);
     let after = residual(imu, "After correction, m/s²", |rest| rest.corrected);
@@ -23,7 +23,7 @@ pub(super) fn residuals(imu: &Imu<'_>) -> String {
 
 fn residual(imu: &Imu<'_>, caption: &str, value: fn(&Rest<'_>) -> Option<f64>) -> String {
     let known = || imu.rests.iter().filter_map(|rest| Some((rest, value(rest)?)));
-    // A rejected rest may be anywhere; what is accepted sets the scale.
+    // A rejected rest may be anywhere; accepted ones set the scale.
     let scale = known().filter(|(rest, _)| rest.segment.accepted).map(|(_, v)| v.abs()).fold(0.0, f64::max);
     let scale = if scale > 0.0 { scale } else { known().map(|(_, v)| v.abs()).fold(0.0, f64::max) };
     if known().next().is_none() {
@@ -43,7 +43,7 @@ fn residual(imu: &Imu<'_>, caption: &str, value: fn(&Rest<'_>) -> Option<f64>) -
     plot.figure("", caption, Along::Names(&names))
 }
 
-/// Why rests were rejected.
+/// Table of rejected rests with their reasons.
 pub(super) fn rejected(imu: &Imu<'_>) -> String {
     let rejected = || imu.rests.iter().filter(|rest| !rest.segment.accepted);
     let count = rejected().count();
@@ -67,7 +67,7 @@ pub(super) fn rejected(imu: &Imu<'_>) -> String {
     section("Rejected rests", &format!("<div class=\"scroll\"><table class=\"wide\">{head}{rows}</table></div>{more}"))
 }
 
-/// Spans that were nearly rests.
+/// Table of spans that were nearly rests.
 pub(super) fn near_misses(imu: &Imu<'_>) -> String {
     let misses = &imu.findings.near_misses;
     let Some(advice) = misses.advice() else { return String::new() };
@@ -91,7 +91,7 @@ pub(super) fn near_misses(imu: &Imu<'_>) -> String {
     section("Nearly rests", &format!("{text}<div class=\"scroll\"><table>{head}{rows}</table></div>{more}"))
 }
 
-/// All accepted rests, folded away.
+/// Table of accepted rests, collapsed.
 pub(super) fn accepted(imu: &Imu<'_>) -> String {
     let accepted = || imu.rests.iter().filter(|rest| rest.segment.accepted);
     let count = accepted().count();
@@ -99,7 +99,7 @@ pub(super) fn accepted(imu: &Imu<'_>) -> String {
         return String::new();
     }
     let mut rows = String::new();
-    // Counted among the accepted, so that none seems to be missing.
+    // Numbered among the accepted, so that none seems to be missing.
     let placements: std::collections::BTreeSet<_> = accepted().map(|rest| rest.segment.placement).collect();
     let placements: std::collections::BTreeMap<_, _> = placements.into_iter().zip(1..).collect();
     for rest in accepted().take(LISTED) {

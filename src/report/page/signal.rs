@@ -1,4 +1,4 @@
-//! What the sensor read over time, and the statistic that rest is judged by.
+//! Plots of the readings over time, and of the statistic that decides on rest.
 
 use std::fmt::Write as _;
 
@@ -7,10 +7,10 @@ use crate::Stamp;
 use crate::report::plot::{Along, Plot, Scale, moment};
 use crate::report::{Envelope, Range};
 
-/// Bands that are drawn; neighbours of one kind that touch on the screen are one.
+/// Most bands that are drawn; neighbours of one kind that touch on the screen are merged.
 const BANDS: usize = 2000;
 
-/// The acceleration with the rests behind it. Without readings, the means of the rests.
+/// The acceleration with the rests behind it; the means of the rests if there are no readings.
 pub(super) fn acceleration(imu: &Imu<'_>) -> String {
     let outline = &imu.timeline.acceleration;
     let means = imu.rests.iter().filter_map(|rest| Some((rest, mean(rest)?)));
@@ -111,7 +111,7 @@ fn title(rest: &Rest<'_>, count: usize) -> String {
     format!("{what}, {span}")
 }
 
-/// The colour of a rest.
+/// Colour class of a rest.
 pub(super) fn class(rest: &Rest<'_>) -> String {
     match rest.face.filter(|_| rest.segment.accepted) {
         Some(face) => format!("f{}", face % 12),
@@ -125,11 +125,11 @@ fn mean(rest: &Rest<'_>) -> Option<[f64; 3]> {
     Some([mean.x, mean.y, mean.z])
 }
 
-/// The statistic with its thresholds, and the noise that was seen at rest.
+/// The statistic with its thresholds, and the noise at rest.
 pub(super) fn statistic(imu: &Imu<'_>) -> String {
     let noise = noise(imu);
     let outline = &imu.timeline.statistic;
-    // Those of a recording may be anybody's.
+    // Thresholds from a recording may hold any value.
     let thresholds = imu.timeline.thresholds.filter(|both| both.iter().all(|&one| one.is_finite() && one > 0.0));
     let (Some(range), Some([enter, leave])) = (outline.range(), thresholds) else {
         return section("Noise at rest", &noise);
@@ -160,7 +160,7 @@ fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
     imu.rests.iter().step_by(step).for_each(|rest| plot.band(rest.from, rest.until, "band plain", &title(rest, 1)));
 }
 
-/// Median standard deviation of one sample during the rests, sensor by sensor.
+/// Table of the median standard deviation of one sample during the rests, sensor by sensor.
 fn noise(imu: &Imu<'_>) -> String {
     let mut sensors = Vec::<&str>::new();
     for mean in imu.rests.iter().flat_map(|rest| &rest.segment.means) {
