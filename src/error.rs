@@ -1,6 +1,6 @@
-//! What makes a command fail, each in one line that says what, where, and the next step.
+//! Errors that make a command fail, each in one line that says what, where, and the next step.
 //!
-//! Errors of the pure layers are wrapped here; exit codes are left to the program.
+//! Errors of the pure layers are wrapped here; the program maps errors to exit codes.
 
 use std::fmt;
 use std::io;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{config, record};
 
-/// Why a command, or its work on one recording, was given up.
+/// Reason why a command, or its work on one recording, was given up.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -18,30 +18,30 @@ pub enum Error {
     /// The configuration is wrong.
     #[error(transparent)]
     Config(#[from] config::Error),
-    /// The system refused.
+    /// The system refused an operation.
     #[error("{}: cannot {doing}: {}", path.display(), Reason { doing, path, source })]
     Io {
-        /// What was attempted, as a verb.
+        /// The attempted operation, as a verb.
         doing: &'static str,
-        /// On what.
+        /// Its path.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
-    /// The input cannot be worked on.
+    /// The input cannot be processed.
     #[error("{}: {why}", path.display())]
     Input {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// Why not, and what to do.
+        /// The reason, and what to do.
         why: String,
     },
-    /// The input was read, and is no recording, or none that can be annotated.
+    /// The input was read, and is not a recording, or cannot be annotated.
     #[error("{}: {why}", path.display())]
     Unfit {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// Why not, and what to do.
+        /// The reason, and what to do.
         why: String,
     },
     /// The output exists and is something else.
@@ -53,30 +53,30 @@ pub enum Error {
     /// Another process is at work on the file.
     #[error("{}: another stillpoint is at work on this file; wait for it or choose another name", .0.display())]
     Busy(PathBuf),
-    /// The work has taken longer than it may.
+    /// The work exceeded its time limit.
     #[error("took longer than {} s, as long as it may (--time-limit)", .0.as_secs())]
     Overdue(std::time::Duration),
-    /// A signal asked to stop.
+    /// A signal requested to stop.
     #[error("stopped on request; nothing was left behind")]
     Stopped,
-    /// A signal asked to stop, and what was done is kept.
+    /// A signal requested to stop, and the finished work is kept.
     #[error("stopped on request; the same command goes on from here")]
     Paused,
 }
 
 impl Error {
-    /// A refusal of the system, with what was attempted on which path.
+    /// A refusal by the system, with the attempted operation and its path.
     pub fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io { doing, path: path.to_owned(), source }
     }
 
-    /// Whether there is no room for what is to be written.
+    /// Whether the device or quota is full.
     pub fn is_full(&self) -> bool {
         use io::ErrorKind::{QuotaExceeded, StorageFull};
         matches!(self, Self::Io { source, .. } if matches!(source.kind(), StorageFull | QuotaExceeded))
     }
 
-    /// Whether the same may succeed later: it is the device, the network or the system that is in trouble.
+    /// Whether a retry may succeed: the device, the network or the system is in trouble, not the input.
     pub fn is_passing(&self) -> bool {
         use rustix::io::Errno;
         const PASSING: [Errno; 19] = [
@@ -104,7 +104,7 @@ impl Error {
         matches!(self, Self::Io { source, .. } if code(source).is_some_and(|code| PASSING.contains(&code)))
     }
 
-    /// What reading records came to: trouble of the system, or an input that cannot be worked on.
+    /// Error of reading records: trouble of the system, or an input that cannot be processed.
     pub fn reading(path: &Path) -> impl FnOnce(record::Error) -> Self {
         move |error| match error {
             record::Error::Read { cause, .. } => Self::io("read", path)(cause),
@@ -112,18 +112,18 @@ impl Error {
         }
     }
 
-    /// An input that cannot be worked on.
+    /// An input that cannot be processed.
     pub fn input(path: &Path, why: impl Into<String>) -> Self {
         Self::Input { path: path.to_owned(), why: why.into() }
     }
 
-    /// An input that is no recording, or none that can be annotated.
+    /// An input that is not a recording, or cannot be annotated.
     pub fn unfit(path: &Path, why: impl Into<String>) -> Self {
         Self::Unfit { path: path.to_owned(), why: why.into() }
     }
 }
 
-/// The commonest refusals with the next step.
+/// Text of a refusal; the most common ones with the next step.
 struct Reason<'a> {
     doing: &'a str,
     path: &'a Path,
@@ -167,7 +167,7 @@ impl fmt::Display for Reason<'_> {
 }
 
 impl Reason<'_> {
-    /// The folder that a file should be written into, if that is what is missing.
+    /// The missing folder into which a file should be written, if that is the cause.
     fn missing_folder(&self) -> Option<&Path> {
         let folder = self.path.parent().filter(|folder| self.doing == "write" && !folder.as_os_str().is_empty())?;
         (!folder.exists()).then_some(folder)

@@ -1,6 +1,6 @@
-//! The annotations that Stillpoint writes, as types generated from `schemas/` (see `tests/schemas.rs`).
+//! Annotations that Stillpoint writes, as types generated from `schemas/` (see `tests/schemas.rs`).
 //!
-//! What the fields mean, with units and directions, is said once, in `schemas/stillpoint.proto`.
+//! `schemas/stillpoint.proto` defines the meaning of the fields, with units and directions.
 #![allow(missing_docs, clippy::all, clippy::pedantic)]
 
 include!("messages/stillpoint.rs");
@@ -10,5 +10,5 @@ pub mod foxglove {
     include!("messages/foxglove.rs");
 }
 
-/// The descriptor set of every message, dependencies included, with the comments that state units and directions.
+/// Descriptor set of every message, dependencies included, with the comments that state units and directions.
 pub const DESCRIPTORS: &[u8] = include_bytes!("../schemas/descriptors.binpb");

@@ -1,11 +1,11 @@
-//! Text that came from outside, as it is printed: what would steer a terminal, forge a line or reorder letters is escaped.
+//! Escaping of outside text for printing: characters that would control a terminal, fake a line or reorder letters.
 //!
-//! Every place that shows text to people asks here: terminal, logs, errors, labels of metrics, pages, what viewers show.
+//! Every place that shows text to people uses it: terminal, logs, errors, metric labels, pages, viewers.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// The text with escapes in the place of what is no letter: `\n`, `\u{1b}`.
+/// The text with hidden characters escaped: `\n`, `\u{1b}`.
 pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(is_hidden) {
         return Cow::Borrowed(text);
@@ -20,9 +20,9 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// A document of JSON in which the same is escaped as JSON does. There it only stands in strings.
+/// A JSON document with hidden characters escaped as in JSON. They only occur in strings there.
 pub fn printable_json(document: &str) -> Cow<'_, str> {
-    // Below are those that JSON must escape itself, and the line breaks of a document that people read.
+    // Characters below are those that JSON must escape itself, and the line breaks of a document for people.
     let hidden = |c: char| c >= '\u{7f}' && is_hidden(c);
     if !document.contains(hidden) {
         return Cow::Borrowed(document);
@@ -37,8 +37,8 @@ pub fn printable_json(document: &str) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// Control characters, and those that have no width or turn the direction of what follows (Unicode's general categories
-/// Cc, Cf, Zl and Zp, as far as terminals act on them).
+/// Whether a character is a control character, has no width, or changes the direction of what follows (Unicode's
+/// general categories Cc, Cf, Zl and Zp, as far as terminals act on them).
 fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c,

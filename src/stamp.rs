@@ -2,18 +2,18 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Point in time, in nanoseconds on the recording's own clock (mostly since the Unix epoch).
+/// A point in time, in nanoseconds on the recording's own clock (mostly the Unix epoch).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Stamp(i64);
 
 impl Stamp {
-    /// Creates a stamp from nanoseconds since the epoch.
+    /// Stamp of this number of nanoseconds.
     pub const fn from_nanos(nanos: i64) -> Self {
         Self(nanos)
     }
 
-    /// Converts an MCAP log time; saturates beyond the year 2262.
+    /// Stamp of an MCAP log time; saturates beyond the year 2262.
     pub fn from_log_time(log_time: u64) -> Self {
         Self(i64::try_from(log_time).unwrap_or(i64::MAX))
     }
@@ -33,7 +33,7 @@ impl Stamp {
         self.since(earlier) as f64 * 1e-9
     }
 
-    /// Returns the stamp `nanos` nanoseconds later; saturates.
+    /// Stamp this number of nanoseconds later; saturates.
     pub const fn plus_nanos(self, nanos: i64) -> Self {
         Self(self.0.saturating_add(nanos))
     }

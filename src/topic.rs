@@ -1,12 +1,12 @@
 //! Grammar of annotation topics: `IMU/stillpoint/KIND`, and `/stillpoint/log` for all of a recording.
 
-/// What tells annotations from sources in the name of a topic.
+/// Mark in a topic name that distinguishes annotations from sources.
 pub const MARK: &str = "/stillpoint/";
 
-/// What is written to an annotation topic.
+/// Kind of annotation on a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Whether the IMU rests.
+    /// State of the IMU: at rest or moving.
     Stillness,
     /// Its rests.
     Segment,
@@ -18,7 +18,7 @@ pub enum Kind {
     Coverage,
     /// Its calibrations.
     Calibration,
-    /// Its own messages with true values.
+    /// Its own messages, corrected.
     Corrected,
     /// Warnings and decisions, of all IMUs.
     Log,
@@ -39,18 +39,18 @@ impl Kind {
     }
 }
 
-/// The topic for what is said of the IMU of that output name. The log is everybody's.
+/// Topic of this kind for the IMU of that output name. All IMUs share the log.
 pub fn of(imu: &str, kind: Kind) -> String {
     let imu = if kind == Kind::Log { "" } else { imu };
     format!("{imu}{MARK}{}", kind.name())
 }
 
-/// Output name of the IMU that an annotation topic is about, empty for the log; `None` for a source.
+/// Output name of the IMU that an annotation topic belongs to, empty for the log; `None` for a source.
 pub fn imu_of(topic: &str) -> Option<&str> {
     topic.split_once(MARK).map(|(imu, _)| imu)
 }
 
-/// Output name of the IMU whose corrected messages stand on a topic.
+/// Output name of the IMU whose corrected messages a topic holds.
 pub fn corrected_imu(topic: &str) -> Option<&str> {
     topic.strip_suffix(Kind::Corrected.name())?.strip_suffix(MARK)
 }

@@ -6,8 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// One linear equation in the parameters: `value = factors · parameters`, with an error of variance `noise + gain ·
-/// τ²`.
+/// A linear equation in the parameters: `value = factors · parameters`, with an error of variance `noise + gain · τ²`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Equation<const N: usize> {
     pub(super) factors: SVector<f64, N>,
