@@ -14,7 +14,7 @@ use crate::report::Findings;
 /// [`join`](Self::join) and the empty one a commutative monoid; joining evidence that is already in it changes nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Merge {
-    /// By key.
+    /// Evidence by key.
     pub sensors: BTreeMap<String, Evidence>,
 }
 

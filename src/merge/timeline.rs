@@ -20,7 +20,7 @@ const DRIFTS: f64 = 6.6;
 /// Course of the parameters of one triad.
 #[derive(Clone, Debug)]
 pub(super) struct Course<const N: usize> {
-    /// By visit.
+    /// States by visit.
     pub(super) states: Vec<State<N>>,
     pub(super) jumps: Vec<Jump<N>>,
     /// Whether the parameters clearly walk between the jumps.

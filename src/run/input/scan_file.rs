@@ -85,15 +85,15 @@ pub trait Listener {
     /// [`End`](Event::End).
     ///
     /// # Errors
+    ///
     /// Any error, to stop the work.
-    /// Anything, to give the work up.
     fn event(&mut self, event: Event<'_>) -> Result<(), Error>;
 
     /// Takes chunk indexes, and chunks with damaged message indexes. A fold needs both later.
     ///
     /// # Errors
+    ///
     /// Any error, to stop the work.
-    /// Anything, to give the work up.
     fn indexes(&mut self, _chunks: &[u8], _reindexed: &[u8]) -> Result<(), Error> {
         Ok(())
     }

@@ -29,7 +29,7 @@ pub struct Session<'a> {
     /// Channels of the recording by id that have no used message yet.
     unused: BTreeMap<u16, ChannelBuilder>,
     used: BTreeMap<u16, Arc<RawChannel>>,
-    /// By topic.
+    /// Channels by topic.
     annotations: BTreeMap<String, Arc<RawChannel>>,
     earlier: Option<PreviousCalibration>,
     log_time: u64,

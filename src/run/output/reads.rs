@@ -1,6 +1,6 @@
 //! Files that a command reads, by identity: none of them ever becomes its output, whatever name leads to it.
 //!
-//! Every file that is replaced is replaced by a [`Partial`](super::Partial), which asks here.
+//! Only a [`Partial`](super::Partial) replaces files, and it checks here first.
 
 use std::collections::BTreeSet;
 use std::fs::Metadata;
