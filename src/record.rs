@@ -1,4 +1,4 @@
-//! MCAP bytes: recordings in, recordings out. What the messages mean is left to [`imu`](crate::imu) and
+//! MCAP bytes: recordings in, recordings out. The meaning of messages is left to [`imu`](crate::imu) and
 //! [`annotate`](crate::annotate).
 
 mod annotations;

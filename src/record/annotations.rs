@@ -1,5 +1,5 @@
-//! What is folded into a recording: topics and blocks of messages, without ids. Ids are given by whoever writes them,
-//! since a sidecar counts from 1 and an annotated recording takes the lowest that are free.
+//! Annotations to be folded into a recording: topics and blocks of messages, without ids. The writer assigns the ids,
+//! since a sidecar counts from 1 and an annotated recording uses the lowest free ones.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +12,8 @@ use super::wire::{Fields, Put as _};
 pub struct Topic {
     /// Full name, as [`topic::of`](crate::topic::of) gives it.
     pub name: String,
-    /// Type name of its messages; empty, with the two below, for messages without schema. What is the same as a schema
-    /// of the recording is written with its id.
+    /// Type name of its messages. Empty for messages without schema, as are the two fields below. A schema that the
+    /// recording already has is written with that schema's id.
     pub schema_name: String,
     /// Language of the schema: `ros2msg` or `protobuf`, for instance.
     pub schema_encoding: String,
@@ -21,7 +21,7 @@ pub struct Topic {
     pub schema: Vec<u8>,
     /// Encoding of the messages: `cdr` or `protobuf`, for instance.
     pub message_encoding: String,
-    /// What is noted of the channel.
+    /// Metadata of the channel.
     pub metadata: BTreeMap<String, String>,
 }
 
@@ -30,7 +30,7 @@ pub struct Topic {
 pub struct Annotation {
     /// Index into the list of topics.
     pub topic: usize,
-    /// Counts from 0 on each topic.
+    /// Number of the message on its topic, from 0.
     pub sequence: u32,
     /// Log time of the sample that caused it.
     pub log_time: u64,
@@ -41,12 +41,12 @@ pub struct Annotation {
 /// The annotations of one chunk (or, in a recording with messages outside chunks, of one run of loose messages).
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
-    /// In the order of writing, never empty.
+    /// Annotations in the order of writing, never empty.
     pub annotations: Vec<Annotation>,
 }
 
 impl Block {
-    /// Appends the block in a form that [`read`](Self::read) takes back, to be kept until all ids are known.
+    /// Appends the block in the form that [`read`](Self::read) parses, to be kept until all ids are known.
     pub fn write(&self, out: &mut Vec<u8>) {
         for annotation in &self.annotations {
             out.put_u32(annotation.topic as u32);
@@ -56,7 +56,7 @@ impl Block {
         }
     }
 
-    /// The block that these bytes are; `None` if they are none.
+    /// Parses the bytes that [`write`](Self::write) appended; `None` if they are malformed.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let mut fields = Fields(bytes);
         let mut annotations = Vec::new();

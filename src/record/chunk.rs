@@ -1,5 +1,5 @@
-//! The records inside a chunk: decompressed in memory that grows with what really comes out, and checked as a whole.
-//! What they say is left to [`Inventory`](super::Inventory).
+//! Records inside a chunk: decompressed into memory that grows with the actual output, and checked as a whole. Their
+//! content is collected by [`Inventory`](super::Inventory).
 
 use std::io::Read;
 use std::ops::Range;
@@ -16,7 +16,7 @@ pub(super) fn knows(compression: &str) -> bool {
     matches!(compression, "" | "zstd" | "lz4")
 }
 
-/// Opens chunks apart from a scan that [offers](super::Scan::offering_chunks) them, on another thread for instance.
+/// Opens chunks outside the scan that [offers](super::Scan::offering_chunks) them, for instance on another thread.
 #[derive(Default)]
 pub struct Opener {
     inflate: Inflate,
@@ -24,16 +24,16 @@ pub struct Opener {
 }
 
 impl Opener {
-    /// One that opens what lies within these limits.
+    /// Opener of chunks within these limits.
     pub fn new(limits: Limits) -> Self {
         Self { inflate: Inflate::default(), limits }
     }
 
-    /// Decompresses and checks the chunk whose bytes have been put into its [room](Opened::room).
+    /// Decompresses and checks the chunk whose bytes were put into its [room](Opened::room).
     pub fn open(&mut self, chunk: &mut Opened) {
         std::mem::swap(&mut self.inflate.out, &mut chunk.out);
         chunk.content = Some(locate(&chunk.body, chunk.body.len() as u64, &self.limits).and_then(|(header, data)| {
-            // How much was opened before, the scan knows.
+            // The total opened so far is known to the scan only, which checks it.
             self.limits.refuse_chunk(&header, 0, u64::MAX)?;
             let bytes = chunk.body.get(data.clone()).unwrap_or_default();
             Content::of(&header, data, bytes, &mut self.inflate, &self.limits).map(Box::new)
@@ -42,39 +42,39 @@ impl Opener {
     }
 }
 
-/// A chunk that was opened apart from the scan. Its memory can be used for another one.
+/// A chunk that was opened outside the scan. Its memory can be reused for another chunk.
 #[derive(Debug, Default)]
 pub struct Opened {
-    /// Of the chunk record.
+    /// Body of the chunk record.
     body: Vec<u8>,
     out: Vec<u8>,
     pub(super) content: Option<Result<Box<Content>, String>>,
 }
 
 impl Opened {
-    /// Room for the body of a chunk record.
+    /// Clears the chunk and returns room for the body of a chunk record.
     pub fn room(&mut self, length: usize) -> &mut [u8] {
         self.content = None;
         self.body.resize(length, 0);
         &mut self.body
     }
 
-    /// How much memory it takes, in bytes.
+    /// Memory in use, in bytes.
     pub fn size(&self) -> usize {
         self.body.capacity() + self.out.capacity()
     }
 
-    /// Length of the body in its room.
+    /// Length of the body in bytes.
     pub(super) fn length(&self) -> u64 {
         self.body.len() as u64
     }
 
-    /// The body of the chunk record.
+    /// Body of the chunk record.
     pub(super) fn body(&self) -> &[u8] {
         &self.body
     }
 
-    /// The records at a place of the content.
+    /// Records at a place of the content.
     pub(super) fn records(&self, place: Place, data: &Range<usize>) -> &[u8] {
         match place {
             Place::Plain => self.body.get(data.clone()).unwrap_or_default(),
@@ -83,16 +83,16 @@ impl Opened {
     }
 }
 
-/// What is in a chunk.
+/// Content of a chunk.
 #[derive(Debug)]
 pub(super) struct Content {
-    /// Of the compressed records, in the body.
+    /// Range of the compressed records within the body.
     pub(super) data: Range<usize>,
     pub(super) place: Place,
-    /// As far as the chunk itself tells, which does not know where it is.
+    /// Chunk index without the chunk's place in the file, which the chunk itself does not know.
     pub(super) index: ChunkIndex,
     pub(super) survey: Survey,
-    /// Whether the chunk opens to more than it claims.
+    /// Whether the chunk decompresses to more than it claims.
     pub(super) more: bool,
 }
 
@@ -114,7 +114,8 @@ impl Content {
     }
 }
 
-/// Where in a chunk record's body, which has this length and begins like this, the compressed records are.
+/// Header of a chunk record, and the range of the compressed records in its body. The body has this length and begins
+/// with these bytes.
 pub(super) fn locate<'a>(
     body: &'a [u8],
     length: u64,
@@ -135,19 +136,19 @@ pub(super) fn locate<'a>(
     }
 }
 
-/// Decompresses chunks, one after the other, into one buffer.
+/// Decompressor of chunks, one after the other, into one buffer.
 #[derive(Default)]
 pub(super) struct Inflate {
     zstd: Option<Decoder<'static>>,
     out: Vec<u8>,
-    /// Whether the last one opens to more than it claims.
+    /// Whether the last one decompresses to more than it claims.
     more: bool,
 }
 
 impl Inflate {
-    /// The records of the chunk whose compressed bytes are `data`; `None` if they are `data` itself.
+    /// Decompresses and checks the chunk whose compressed bytes are `data`. Returns the place of its records.
     ///
-    /// Why they cannot be had is told in words. Whether they are not too many is for [`Limits`] to say.
+    /// The error is a description of the problem. The size is not checked here: that is left to [`Limits`].
     pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Place, String> {
         let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
         self.more = false;
@@ -172,7 +173,7 @@ impl Inflate {
         Ok(place)
     }
 
-    /// The records that [`Inflate::open`] found at `place`.
+    /// Records at the `place` that [`Inflate::open`] returned.
     pub(super) fn records<'a>(&'a self, place: Place, data: &'a [u8]) -> &'a [u8] {
         match place {
             Place::Plain => data,
@@ -197,21 +198,21 @@ impl Inflate {
                 break;
             }
         }
-        // A buffer of a longer chunk before has room for more than is claimed.
+        // A buffer left over from a longer chunk has room for more than this one claims.
         let more = self.out.len() > size || self.zstd_goes_on(&mut input)?;
         self.out.truncate(size);
         self.more = more;
         Ok(())
     }
 
-    /// Whether more comes out than was asked for.
+    /// Whether the frames contain more than was asked for.
     fn zstd_goes_on(&mut self, input: &mut InBuffer<'_>) -> Result<bool, String> {
         let Some(decoder) = &mut self.zstd else { return Ok(false) };
         let mut beyond = [0; 1];
         let mut output = OutBuffer::around(&mut beyond[..]);
         loop {
             let before = input.pos();
-            // What stands behind the last frame is no frame: it is ignored, as every reader does.
+            // Bytes after the last frame that are no frame are ignored, as every reader does.
             let Ok(_) = decoder.run(input, &mut output) else { return Ok(false) };
             if output.pos() > 0 || input.pos() == before {
                 return Ok(output.pos() > 0);
@@ -222,7 +223,7 @@ impl Inflate {
     fn lz4(&mut self, data: &[u8], size: usize) -> Result<(), String> {
         let (mut rest, mut filled) = (data, 0);
         let mut more = false;
-        // What is there of the chunk before is written over, which is faster than to clear it.
+        // Bytes of the previous chunk are overwritten, which is faster than clearing them.
         self.out.truncate(size);
         while filled < size && !rest.is_empty() {
             let mut frame = lz4::Decoder::new(&mut rest).map_err(corrupt)?;
@@ -249,7 +250,7 @@ impl Inflate {
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 const LZ4: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
 
-/// What is said of a compression that is not read.
+/// Error text for a compression that is not supported.
 fn unread(compression: &str) -> String {
     let spelt = match compression.to_lowercase().as_str() {
         "zstd" | "lz4" => " (MCAP spells its own `zstd` and `lz4`)",
@@ -262,7 +263,7 @@ fn unread(compression: &str) -> String {
     )
 }
 
-/// The same, of bytes that are not what the chunk says they are compressed by.
+/// Error text of a decompressor, with a hint if the bytes are not in the format that the chunk claims.
 fn foreign(data: &[u8], name: &str, magic: &[u8], cause: String) -> String {
     match data.starts_with(magic) {
         true => cause,
@@ -273,16 +274,16 @@ fn foreign(data: &[u8], name: &str, magic: &[u8], cause: String) -> String {
     }
 }
 
-/// Where the records of a chunk are.
+/// Place of a chunk's records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// In the recording itself.
+    /// In the recording itself: the chunk is not compressed.
     Plain,
     /// In the buffer of [`Inflate`].
     Inflated,
 }
 
-/// Makes room in steps that real compression ratios justify, never beyond `size`.
+/// Reserves memory in steps that real compression ratios justify, never beyond `size`.
 fn reserve(out: &mut Vec<u8>, size: usize, compressed: usize) {
     if out.capacity() == out.len() {
         let step = out.len().max(compressed.saturating_mul(8)).max(1 << 16);
@@ -290,7 +291,7 @@ fn reserve(out: &mut Vec<u8>, size: usize, compressed: usize) {
     }
 }
 
-/// What a decompressor complains of depends on the room it was given, so that is not told.
+/// Error text for corrupt data. The decompressor's own text is dropped, since it depends on the room it was given.
 fn corrupt(_cause: std::io::Error) -> String {
     "a chunk that cannot be decompressed".to_owned()
 }

@@ -1,5 +1,5 @@
-//! Where the chunks of a recording are, and which channels their message indexes name: by framing alone, ahead of a
-//! [`Scan`](super::Scan), which does not depend on what is said here.
+//! Places of the chunks in a recording, and the channels that their message indexes name: by framing alone, ahead of a
+//! [`Scan`](super::Scan), whose result does not depend on them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,43 +10,42 @@ use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};
 
-/// How much is read at a time, in bytes: what stands between two chunks is mostly short.
+/// Read size, in bytes: between two chunks there are mostly a few bytes only.
 const BLOCK: u64 = 4 << 10;
-/// Enough for the head of a chunk.
+/// Number of bytes that is enough for the head of a chunk.
 const HEAD: u64 = 128;
 
-/// The same of the summary, which is read to its end.
+/// Read size for the summary, which is read to its end, in bytes.
 const SUMMARY_BLOCK: u64 = 64 << 10;
-/// Longest chunk index that is looked at (1 MiB): it names all channels there can be.
+/// Longest chunk index that is read (1 MiB): enough to name all possible channels.
 const INDEX: u64 = 1 << 20;
 
-/// The chunks of a recording, in order, up to the first trouble.
+/// The chunks of a recording, in order, up to the first damage.
 pub struct Chunks {
     walk: Walk,
     open: Option<Chunk>,
-    /// The channels that the message indexes of the open one name.
+    /// Channels that the message indexes of the open chunk name.
     named: BTreeSet<u16>,
     length: u64,
-    /// What the summary says of the chunks, once it was asked.
+    /// What the summary claims about the chunks, once it was read.
     claims: Option<Claims>,
 }
 
 /// A chunk record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Chunk {
-    /// Where it stands.
+    /// Offset of the record in the file.
     pub offset: u64,
-    /// Length of its body.
+    /// Length of its body, in bytes.
     pub length: u64,
-    /// What its records take when they are decompressed, as it claims; 0 if they are not compressed.
+    /// Claimed size of its decompressed records, in bytes; 0 if they are not compressed.
     pub inflated: u64,
-    /// The channels that its message indexes name; `None` if something about these is strange, or the summary names
-    /// others.
+    /// Channels that its message indexes name; `None` if these are irregular, or if the summary names others.
     pub channels: Option<Vec<u16>>,
 }
 
 impl Chunk {
-    /// Where its body stands.
+    /// Range of its body in the file.
     pub fn body(&self) -> std::ops::Range<u64> {
         let start = self.offset + super::wire::FRAME as u64;
         start..start.saturating_add(self.length)
@@ -54,17 +53,17 @@ impl Chunk {
 }
 
 impl Chunks {
-    /// The chunks from `offset` on, where a record begins, of a recording of this length.
+    /// The chunks of a recording of this length, from `offset` on, where a record begins.
     pub fn new(offset: u64, length: u64) -> Self {
         Self { walk: Walk::new(offset..length, BLOCK), open: None, named: BTreeSet::new(), length, claims: None }
     }
 
-    /// Goes on from `offset`, where a record begins behind all chunks that were given.
+    /// Continues at `offset`, where a record begins after all chunks returned so far.
     pub fn seek(&mut self, offset: u64) {
         (self.walk, self.open) = (Walk::new(offset..self.length, BLOCK), None);
     }
 
-    /// The next one.
+    /// Next chunk.
     ///
     /// # Errors
     /// If the recording cannot be read.
@@ -80,8 +79,8 @@ impl Chunks {
         Ok(Some(Chunk { channels: chunk.channels.filter(agrees), ..chunk }))
     }
 
-    /// Whether chunks may be passed over: by the summary, nothing is defined in them that is not known. Where there is no
-    /// summary, nobody can tell.
+    /// Whether chunks may be skipped: according to the summary, they define no unknown schema or channel. Always
+    /// `false` without summary.
     ///
     /// # Errors
     /// If the recording cannot be read.
@@ -120,7 +119,7 @@ impl Chunks {
                         });
                     }
                 }
-                // An index whose opcode is damaged must not be missed.
+                // Any other record may be an index whose opcode is damaged, which must not be missed.
                 opcode => {
                     if let Some(mut chunk) = self.open.take() {
                         let usual = matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END | 0x80..);
@@ -145,16 +144,16 @@ impl Chunks {
     }
 }
 
-/// What the summary says. Its chunk indexes are read beside the chunks: both mostly stand in the same order.
+/// Claims of the summary. Its chunk indexes are read in step with the chunks, since both are mostly in the same order.
 #[derive(Default)]
 struct Claims {
     walk: Walk,
     next: Option<ChunkIndex>,
-    /// What it says is defined and has not been met yet; `None` without summary.
+    /// Definitions it lists that were not met yet; `None` without summary.
     undefined: Option<Definitions>,
 }
 
-/// Schemas and channels, by their ids.
+/// Ids of schemas and channels.
 #[derive(Default)]
 struct Definitions {
     schemas: BTreeSet<u16>,
@@ -178,7 +177,8 @@ impl Claims {
         Ok(Self { walk: Walk::new(section, BLOCK), next: None, undefined: Some(definitions) })
     }
 
-    /// Where the message indexes of the chunk at `offset` stand, by channel, if that is said in its turn.
+    /// Offsets of the message indexes of the chunk at `offset`, by channel; `None` if the summary lists it out of order
+    /// or not at all.
     fn about(&mut self, file: &mut impl ReadAt, offset: u64) -> Result<Option<&BTreeMap<u16, u64>>, Error> {
         while self.next.as_ref().is_none_or(|index| index.offset < offset) {
             let Some(frame) = self.walk.next(file)? else { return Ok(None) };

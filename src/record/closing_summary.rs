@@ -1,5 +1,6 @@
-//! Closing summary: what a recorder says at the end of a recording, its channels and how many messages each has, without
-//! reading the data. Trusted only where its CRC holds and the chunks are where it says; else the data must be read.
+//! Closing summary: the channels and message counts that a recorder writes at the end of a recording, available without
+//! reading the data. Trusted only if its CRC is right and the chunks are where it says; otherwise the data must be
+//! read.
 
 use std::collections::BTreeMap;
 
@@ -12,26 +13,27 @@ use super::walk::{ReadAt, Walk, footer, read};
 use super::wire::{FRAME, Fields, op};
 use super::{Channel, Error, Schema};
 
-/// The end of a recording.
+/// Summary at the end of a recording.
 #[derive(Debug, Default, PartialEq)]
 pub struct ClosingSummary {
-    /// By id.
+    /// Schemas by id.
     pub schemas: BTreeMap<u16, Schema>,
-    /// By id.
+    /// Channels by id.
     pub channels: BTreeMap<u16, Channel>,
-    /// Messages by channel.
+    /// Number of messages by channel id.
     pub counts: BTreeMap<u16, u64>,
     /// First and last log time, in nanoseconds.
     pub span: Option<(u64, u64)>,
 }
 
-/// A summary of more is in no recording.
+/// Longest summary that is read, in bytes: no recorder writes a longer one.
 const LIMIT: u64 = 256 << 20;
-/// How much is read at a time, in bytes.
+/// Read size, in bytes.
 const BLOCK: u64 = 1 << 20;
 
 impl ClosingSummary {
-    /// Looks at the end of a recording of that length; none if it is not there, not whole, or does not fit the rest.
+    /// Reads the end of a recording of this length; `None` if the summary is absent, not whole, or does not fit the
+    /// data.
     ///
     /// # Errors
     /// If the recording cannot be read.
@@ -82,7 +84,7 @@ impl ClosingSummary {
     }
 }
 
-/// Whether the CRC of a summary holds. Without one it is not believed.
+/// Whether the CRC of a summary is right. A summary without CRC is not trusted.
 fn holds(file: &mut impl ReadAt, footer: &Footer, length: u64) -> Result<bool, Error> {
     let until = length - MAGIC.len() as u64 - 4;
     if until - footer.section.start > LIMIT {
@@ -109,11 +111,11 @@ fn stands(file: &mut impl ReadAt, chunk: &ChunkIndex, length: u64) -> Result<boo
     Ok((fields.u8(), fields.u64()) == (Some(op::CHUNK), Some(chunk.length - FRAME as u64)))
 }
 
-/// How many messages there are by a statistics record, all in all and by channel.
+/// Number of messages in a statistics record: total, and by channel.
 fn statistics(body: &[u8]) -> Option<(u64, BTreeMap<u16, u64>)> {
     let mut fields = Fields(body);
     let total = fields.u64()?;
-    // Numbers of schemas, channels, attachments, metadata and chunks; first and last log time.
+    // Skipped: numbers of schemas, channels, attachments, metadata and chunks; first and last log time.
     fields.bytes(2 + 4 * 4 + 2 * 8)?;
     let mut pairs = Fields(fields.blob()?);
     let mut counts = BTreeMap::new();
@@ -131,12 +133,12 @@ mod tests {
     use crate::record::{Event, Inventory, Scan};
     use crate::simulate::{Scenario, record};
 
-    /// What the end of a file says.
+    /// Closing summary of a file.
     fn closing(bytes: &[u8]) -> Option<ClosingSummary> {
         ClosingSummary::of(&mut &bytes[..], bytes.len() as u64).unwrap()
     }
 
-    /// What is in it.
+    /// Inventory by a full scan.
     fn inventory(bytes: &[u8]) -> Inventory {
         let mut scan = Scan::finished(bytes.len() as u64);
         loop {
@@ -173,7 +175,7 @@ mod tests {
         let at = flipped.len() - 100;
         flipped[at] ^= 1;
         assert_eq!(closing(&flipped), None, "the summary is damaged");
-        // Without its third kilobyte, nothing stands where the summary says.
+        // Without its third KiB, nothing is where the summary says.
         let shifted = [&bytes[..2048], &bytes[3072..]].concat();
         assert_eq!(closing(&shifted), None, "a piece is missing");
     }

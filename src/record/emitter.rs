@@ -1,5 +1,5 @@
-//! Annotations as MCAP records: ids, chunks, their indexes, and the end of the file.
-//! What stands in front of them is left to [`Fold`](super::Fold) and [`Sidecar`](super::Sidecar).
+//! Annotations as MCAP records: ids, chunks, their indexes, and the end of the file. The records before them are left
+//! to [`Fold`](super::Fold) and [`Sidecar`](super::Sidecar).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,22 +14,22 @@ use super::{Block, Channel, Error, Message, Piece, Schema, Topic};
 /// Compression level of annotation chunks. Fixed, since it determines the bytes.
 const ZSTD_LEVEL: i32 = 3;
 
-/// Continues a data section, and ends it.
+/// Writer that continues a data section and ends it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Emitter {
-    /// Where the next byte goes.
+    /// Offset of the next byte.
     position: u64,
-    /// Of everything in front of `position`, where it is known.
+    /// CRC of everything before `position`, if known.
     crc: Option<u32>,
     pub(super) summary: Summary,
     manner: Manner,
     taken: Taken,
-    /// Of the topics, in their order. What has been written is in the summary, too.
+    /// Channels of the topics, in their order. Those already written are in the summary, too.
     channels: Vec<Channel>,
     schemas: Vec<Schema>,
 }
 
-/// How messages are written: as those of the original are, since readers that find an index look nowhere else.
+/// Layout of the messages: the same as in the original, since readers that find an index look nowhere else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Manner {
     /// Outside chunks. No chunk is indexed.
@@ -40,7 +40,7 @@ pub(super) enum Manner {
     Indexed,
 }
 
-/// Ids that are in use.
+/// Ids in use.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Taken {
     pub(super) schemas: Ids,
@@ -51,7 +51,7 @@ pub(super) struct Taken {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Ids {
     taken: BTreeSet<u16>,
-    /// All below are taken.
+    /// All ids below are taken.
     free_from: u16,
 }
 
@@ -84,7 +84,7 @@ impl Emitter {
         self.position
     }
 
-    /// Notes that `bytes` follow.
+    /// Advances over `bytes`.
     pub(super) fn pass(&mut self, bytes: &[u8]) {
         self.position += bytes.len() as u64;
         self.crc = self.crc.map(|crc| {
@@ -94,13 +94,13 @@ impl Emitter {
         });
     }
 
-    /// Notes that `length` bytes follow, of which only the CRC is known.
+    /// Advances over `length` bytes of which only the CRC is known.
     pub(super) fn pass_unseen(&mut self, length: u64, crc: u32) {
         self.position += length;
         self.crc = self.crc.map(|before| combine(before, crc, length));
     }
 
-    /// Gives ids to those topics that have none.
+    /// Assigns ids to the topics that have none.
     pub(super) fn assign(&mut self, topics: &[Topic]) -> Result<(), Error> {
         for topic in topics.iter().skip(self.channels.len()) {
             let known = self.schemas.iter().chain(self.summary.schemas.values()).find(|schema| {
@@ -133,7 +133,8 @@ impl Emitter {
         Ok(())
     }
 
-    /// The records of a block: one chunk and its indexes, or loose messages. Nothing for a block without annotations.
+    /// Records of a block: one chunk and its indexes, or messages outside chunks. Empty for a block without
+    /// annotations.
     pub(super) fn block(&mut self, topics: &[Topic], block: &Block) -> Result<Vec<u8>, Error> {
         self.assign(topics)?;
         let mut records = Vec::new();
@@ -228,7 +229,7 @@ impl Emitter {
     }
 }
 
-/// The CRC of two pieces of which the second has `length` bytes.
+/// CRC of two consecutive pieces, of which the second has `length` bytes.
 pub(super) fn combine(first: u32, second: u32, length: u64) -> u32 {
     let mut hasher = Hasher::new_with_initial(first);
     hasher.combine(&Hasher::new_with_initial_len(second, length));

@@ -1,8 +1,8 @@
-//! What can go wrong with a recording as a whole. Damage within one is an [event](super::Event), and no error.
+//! Errors of a recording as a whole. Damage within a recording is an [event](super::Event), not an error.
 
 use std::io;
 
-/// What a file that begins like this is, and what to do.
+/// Probable format of a file that begins with these bytes, and what to do about it.
 fn kind(found: &[u8]) -> String {
     let begins = |with: &[u8]| found.starts_with(with);
     let what = match () {
@@ -40,19 +40,19 @@ fn kind(found: &[u8]) -> String {
     what.to_owned()
 }
 
-/// Why a recording cannot be read or written.
+/// Reason why a recording cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// There is nothing to read.
+    /// The recording has no bytes.
     #[error("the recording is empty: was its recorder ever started?")]
     Empty,
-    /// The first bytes are not MCAP's.
+    /// The first bytes are not the magic of MCAP.
     #[error("not an MCAP recording: {}", kind(found))]
     NotMcap {
-        /// The bytes that stand there.
+        /// First bytes of the file.
         found: Vec<u8>,
     },
-    /// The recording uses so many schema or channel ids that the annotations find none.
+    /// The recording uses so many schema or channel ids that none are left for the annotations.
     #[error("all 65535 {kind} ids of the recording are taken; write the annotations apart with `--sidecar`")]
     NoFreeId {
         /// `schema` or `channel`.
@@ -61,33 +61,33 @@ pub enum Error {
     /// An annotation names a topic that is not in the list of topics.
     #[error("annotation of topic {topic}, but there are {topics} topics")]
     UnknownTopic {
-        /// Index that the annotation gives.
+        /// Index in the annotation.
         topic: usize,
-        /// Topics there are.
+        /// Number of topics in the list.
         topics: usize,
     },
     /// The annotations of a chunk could not be compressed.
     #[error("cannot compress a chunk of {bytes} bytes: {cause}")]
     Chunk {
-        /// Its uncompressed size.
+        /// Uncompressed size, in bytes.
         bytes: usize,
-        /// What the compressor says.
+        /// Error of the compressor.
         cause: io::Error,
     },
-    /// A sidecar that grows is not as it was written.
+    /// A growing sidecar was changed since it was written.
     #[error("the annotations at byte {offset} are not as they were written: {what}")]
     Sidecar {
-        /// Where.
+        /// Offset of the damaged record.
         offset: u64,
-        /// What is wrong.
+        /// Description of the problem.
         what: String,
     },
-    /// The bytes of the recording could not be had.
+    /// The bytes of the recording could not be read.
     #[error("cannot read the recording at byte {offset}: {cause}")]
     Read {
-        /// Where.
+        /// Offset of the bytes.
         offset: u64,
-        /// What the system says.
+        /// Error of the operating system.
         cause: io::Error,
     },
 }

@@ -1,5 +1,5 @@
-//! `annotated = original ⊕ annotations`, as pieces to write one behind the other.
-//! Copying the original's bytes and writing the pieces is left to the shell.
+//! `annotated = original ⊕ annotations`, as a sequence of pieces. Copying the original's bytes and writing the pieces
+//! is left to the shell.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,34 +14,37 @@ use super::summary::Summary;
 use super::wire::{FRAME, Put, op};
 use super::{Block, Error, Inventory, Piece, Topic};
 
-/// What stands behind the [prefix](Inventory::prefix) of the original.
+/// Bytes after the [prefix](Inventory::prefix) of the original.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tail {
-    /// Its length in bytes, through the end of the file.
+    /// Length in bytes, through the end of the file.
     pub length: u64,
-    /// Its CRC-32, as `crc32fast::hash` computes it.
+    /// CRC-32, as `crc32fast::hash` computes it.
     pub crc: u32,
 }
 
 /// Folds annotations into a recording.
 ///
 /// The annotated recording is the pieces of [`Fold::open`], one for each [`Fold::block`], and those of [`Fold::close`],
-/// in this order. The first piece is the prefix of the original, in its own place: writing in place can skip it.
+/// in this order. The first piece is the prefix of the original at its own place: writing in place can skip it.
 ///
-/// Memory grows with the number of chunks only if nobody takes their indexes: from the [scan](super::Scan::take_indexes)
-/// first, then from the [fold](Fold::take_indexes). Likewise with those chunks whose message indexes are written anew.
+/// Memory grows with the number of chunks unless the caller takes their indexes: first from the
+/// [scan](super::Scan::take_indexes), then from the [fold](Fold::take_indexes). The same holds for chunks whose message
+/// indexes are written anew.
 pub struct Fold {
     emitter: Emitter,
-    /// What the recording knows of those that nobody took, and of how long all are together.
+    /// Reindexed chunks that were not taken, and the total length of all.
     reindexing: Reindexing,
-    /// The attachment that holds message indexes, once it has begun.
+    /// Attachment that holds message indexes, once it has begun.
     indexes: Option<OpenAttachment>,
 }
 
 impl Fold {
-    /// Begins: the original's prefix, its tail as an attachment, the metadata, and whatever only its summary knew.
+    /// Begins with the original's prefix, its tail as an attachment, the metadata, and definitions that only its
+    /// summary had.
     ///
-    /// `settings` are what determines the annotations: version and effective configuration. The key `prefix` is ours.
+    /// `settings` are what determines the annotations: version and effective configuration. The key `prefix` is
+    /// reserved.
     ///
     /// # Errors
     /// If the recording leaves too few ids for the topics.
@@ -71,7 +74,7 @@ impl Fold {
         emitter.assign(topics)?;
 
         if headless {
-            // Cut off behind its magic: without a header the result would not be MCAP.
+            // Cut off after its magic: without a header the result would not be MCAP.
             let mut header = Vec::new();
             Header { profile, library: library() }.write(&mut header);
             emitter.pass(&header);
@@ -112,7 +115,7 @@ impl Fold {
         Ok((Self { emitter, reindexing, indexes: None }, pieces))
     }
 
-    /// The piece that holds a block. Topics that are new to the list come at its end.
+    /// Piece that holds a block. New topics are appended to the end of the list.
     ///
     /// # Errors
     /// If an annotation's topic is not in the list, if ids run out, or if compression fails.
@@ -120,8 +123,8 @@ impl Fold {
         self.emitter.block(topics, block).map(Piece::Bytes)
     }
 
-    /// The pieces that hold message indexes of chunks that [`Scan::take_reindexed`](super::Scan::take_reindexed) gave.
-    /// All of them are due behind the blocks, in their order.
+    /// Pieces that hold message indexes of the chunks that [`Scan::take_reindexed`](super::Scan::take_reindexed)
+    /// returned. All of them must follow the blocks, in their order.
     pub fn reindex(&mut self, taken: &[u8]) -> Vec<Piece> {
         reindex::read(taken).flat_map(|chunk| self.reindex_chunk(chunk)).collect()
     }
@@ -147,12 +150,12 @@ impl Fold {
         pieces
     }
 
-    /// Hands over the chunk indexes since the last time, to be given back in the place of [`Piece::Indexes`].
+    /// Takes the chunk indexes since the last call. They must be written in the place of [`Piece::Indexes`].
     pub fn take_indexes(&mut self) -> Vec<u8> {
         self.emitter.summary.take_indexes()
     }
 
-    /// The last pieces: the end of the data, the merged summary, the footer.
+    /// Last pieces: the end of the data, the merged summary, the footer.
     pub fn close(mut self) -> Vec<Piece> {
         let kept = self.reindexing.take();
         let mut pieces = self.reindex(&kept);
@@ -167,7 +170,7 @@ impl Fold {
     }
 }
 
-/// The attachment that keeps the original's tail.
+/// Attachment that keeps the original's tail.
 fn keep_tail(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
     let (OpenAttachment { index, crc }, front) = OpenAttachment::begin(emitter, TAIL, tail.length);
     emitter.summary.attachments.push(index);
@@ -178,8 +181,8 @@ fn keep_tail(emitter: &mut Emitter, prefix: u64, tail: Tail) -> [Piece; 3] {
     [Piece::Bytes(front), kept, Piece::Bytes(crc.to_vec())]
 }
 
-/// What is whole behind the prefix follows once more, with the attachments and metadata in it. Of a damaged recording,
-/// there is no CRC to continue.
+/// Repeats the whole records after the prefix, with their attachments and metadata. Their CRC is given as 0, since a
+/// damaged recording has no CRC to continue.
 fn recover(emitter: &mut Emitter, recovered: &[Range<u64>], mut named: Summary) {
     let mut places = BTreeMap::new();
     for range in recovered {
@@ -194,14 +197,14 @@ fn recover(emitter: &mut Emitter, recovered: &[Range<u64>], mut named: Summary) 
     emitter.summary.metadata.append(&mut named.metadata);
 }
 
-/// An attachment of which the head has been written.
+/// An attachment whose head has been written.
 struct OpenAttachment {
     index: AttachmentIndex,
     crc: Hasher,
 }
 
 impl OpenAttachment {
-    /// Begins an attachment of so many bytes here. What stands in front of them comes with it.
+    /// Begins an attachment of `data_size` bytes here. Also returns the bytes that precede its data.
     fn begin(emitter: &mut Emitter, name: &str, data_size: u64) -> (Self, Vec<u8>) {
         let until = emitter.summary.span.map_or(0, |(_, until)| until);
         let mut index = AttachmentIndex {
@@ -237,7 +240,7 @@ pub(super) fn write_settings(emitter: &mut Emitter, settings: &BTreeMap<String, 
     emitter.summary.metadata.push(MetadataIndex { offset, length, name: METADATA.to_owned() });
 }
 
-/// The program that writes.
+/// Library name in our headers.
 pub(super) fn library() -> String {
     format!("{LIBRARY}{}", env!("CARGO_PKG_VERSION"))
 }

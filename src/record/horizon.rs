@@ -1,5 +1,5 @@
-//! How far a recording is whole: a window of its bytes, walked one `[opcode][length][body]` frame at a time.
-//! What is in the frames is left to [`Scan`](super::Scan).
+//! Window of a recording's bytes, walked one whole `[opcode][length][body]` frame at a time. The content of frames is
+//! left to [`Scan`](super::Scan).
 
 use std::ops::Range;
 
@@ -8,53 +8,53 @@ use serde::{Deserialize, Serialize};
 use super::shape::end;
 use super::wire::{FRAME, Fields};
 
-/// The part of a growing file that is being looked at.
+/// Buffered part of a file that may grow.
 #[derive(Debug, Default)]
 pub(super) struct Horizon {
     buffer: Vec<u8>,
-    /// Buffered and not yet consumed: `buffer[start..end]`.
+    /// Range buffered and not yet consumed: `buffer[start..end]`.
     start: usize,
     end: usize,
-    /// Place of `buffer[start]` in the file.
+    /// Offset of `buffer[start]` in the file.
     offset: u64,
     extent: Extent,
 }
 
-/// What is known about the file's length.
+/// Known length of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Extent {
     pub(super) length: u64,
-    /// It will not grow any more.
+    /// Whether the file will not grow any more.
     pub(super) finished: bool,
 }
 
-/// One whole record at the top level.
+/// A whole record at the top level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
-    /// Of the opcode, in the file.
+    /// Offset of the opcode in the file.
     pub(super) offset: u64,
     pub(super) opcode: u8,
-    /// Of the body.
+    /// Length of the body, in bytes.
     pub(super) length: u64,
 }
 
 impl Frame {
-    /// The first byte behind it; beyond every file if its length is beyond all measure.
+    /// Offset of the first byte after it; beyond every file if the length overflows.
     pub(super) fn end(&self) -> u64 {
         end(self.offset, self.length)
     }
 }
 
-/// Why there is no answer yet.
+/// Reason why there is no answer yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Stop {
     /// At least `length` bytes are needed from `offset` on.
     Read { offset: u64, length: usize },
     /// The next bytes are not whole, but may become so.
     Wait,
-    /// Nothing follows.
+    /// The file ends here.
     End,
-    /// The file ends inside what was asked for.
+    /// The file ends inside the requested bytes.
     Cut { claimed: u64 },
 }
 
@@ -88,12 +88,12 @@ impl Horizon {
         self.offset
     }
 
-    /// A part of what is buffered.
+    /// Part of the buffered bytes.
     pub(super) fn within(&self, range: &Range<usize>) -> &[u8] {
         self.buffered().get(range.clone()).unwrap_or_default()
     }
 
-    /// The next `length` bytes.
+    /// Next `length` bytes.
     pub(super) fn peek(&self, length: usize) -> Result<&[u8], Stop> {
         match self.buffered().get(..length) {
             Some(bytes) => Ok(bytes),
@@ -101,10 +101,10 @@ impl Horizon {
         }
     }
 
-    /// The frame that begins here, if all of it lies within the file.
+    /// Frame that begins here, if all of it lies within the file.
     ///
-    /// A recorder may rewrite the head of a record that is not whole (a chunk that is still open carries a length of
-    /// `u64::MAX`), so whatever was buffered of one is forgotten and read again.
+    /// A recorder may rewrite the head of a record that is not whole (an open chunk has a length of `u64::MAX`), so the
+    /// buffered bytes of such a record are dropped and read again.
     pub(super) fn frame(&mut self) -> Result<Frame, Stop> {
         let head = self.peek(FRAME).map(|head| {
             let mut fields = Fields(head);
@@ -115,7 +115,7 @@ impl Horizon {
             Err(stop) => return Err(self.forget_if_waiting(stop)),
         };
         let frame = Frame { offset: self.offset, opcode, length };
-        // No file is as long as the largest number.
+        // `u64::MAX` is the saturated end: no file is so long.
         match frame.end() <= self.extent.length && frame.end() < u64::MAX {
             true => Ok(frame),
             false if self.extent.finished => Err(Stop::Cut { claimed: length }),
@@ -123,8 +123,8 @@ impl Horizon {
         }
     }
 
-    /// Waits if the recorder may still rewrite what stands here: the recording grows, and nothing follows `end` yet. A
-    /// recorder that patches the head of a chunk does so before it goes on behind it.
+    /// Waits if the recorder may still rewrite these bytes: the recording grows, and nothing follows `end` yet. A
+    /// recorder patches the head of a chunk before it writes on after it.
     pub(super) fn may_change(&self, end: u64) -> Result<(), Stop> {
         match self.extent.finished || end < self.extent.length {
             true => Ok(()),
@@ -132,18 +132,18 @@ impl Horizon {
         }
     }
 
-    /// The body of the frame that begins here, or its first `most` bytes.
+    /// Body of the frame that begins here, or its first `most` bytes.
     pub(super) fn body(&self, frame: Frame, most: u64) -> Result<&[u8], Stop> {
         let bytes = self.peek(FRAME + frame.length.min(most) as usize)?;
         Ok(bytes.get(FRAME..).unwrap_or_default())
     }
 
-    /// Everything buffered from here on.
+    /// All bytes buffered from here on.
     pub(super) fn buffered(&self) -> &[u8] {
         self.buffer.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// Goes on behind the next `length` bytes, buffered or not.
+    /// Skips the next `length` bytes, buffered or not.
     pub(super) fn skip(&mut self, length: u64) {
         self.offset = self.offset.saturating_add(length);
         self.start = match usize::try_from(length) {
@@ -152,7 +152,7 @@ impl Horizon {
         };
     }
 
-    /// Goes to another place.
+    /// Moves to another offset.
     pub(super) fn seek(&mut self, offset: u64) {
         match offset.checked_sub(self.offset) {
             Some(ahead) => self.skip(ahead),
@@ -163,13 +163,13 @@ impl Horizon {
         }
     }
 
-    /// Goes to another place, of which nothing is buffered.
+    /// Moves to another offset and drops the buffer.
     pub(super) fn jump(&mut self, offset: u64) {
         self.forget();
         self.offset = offset;
     }
 
-    /// What is here does not make sense yet. It is forgotten, since it may be written again.
+    /// Drops the buffer and waits: these bytes do not make sense yet and may be rewritten.
     pub(super) fn wait(&mut self) -> Stop {
         self.forget();
         Stop::Wait

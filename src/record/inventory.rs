@@ -1,5 +1,5 @@
-//! What a scan found in a recording, as far as folding needs it.
-//! Finding it is left to [`Scan`](super::Scan), using it to [`Fold`](super::Fold).
+//! Contents of a recording, as far as folding needs them. Collected by [`Scan`](super::Scan), used by
+//! [`Fold`](super::Fold).
 
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};
@@ -14,29 +14,29 @@ use super::summary::Summary;
 use super::survey::Survey;
 use super::{Channel, Schema};
 
-/// The contents of a recording: what is whole in it, where, and how much of it there is.
+/// Contents of a recording: its whole records, their places and counts.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Inventory {
     pub(super) summary: Summary,
     pub(super) header: Option<Header>,
-    /// Through the last whole record before DataEnd.
+    /// Offset of the end of the last whole record before DataEnd.
     pub(super) prefix: u64,
-    /// From the DataEnd record, if there is one.
+    /// CRC in the DataEnd record, if there is one.
     pub(super) data_crc: Option<u32>,
     pub(super) damage: u64,
     pub(super) finished: bool,
     pub(super) loose: bool,
     /// Whether the recorder wrote a chunk with messages and no message indexes.
     pub(super) unindexed: bool,
-    /// Channels that message indexes mention, or messages that do not count: their ids are taken although the records that
+    /// Channels that message indexes or rejected messages mention: their ids are in use although the records that
     /// define them are lost.
     pub(super) mentioned: BTreeSet<u16>,
     pub(super) summary_only: SummaryOnly,
-    /// What the schemas and channels take, in bytes.
+    /// Memory of the schemas and channels, in bytes.
     defined: u64,
-    /// What compressed chunks were opened to, in bytes.
+    /// Total decompressed size of the compressed chunks, in bytes.
     pub(super) opened: u64,
-    /// What is not used: in order, none touching another.
+    /// Unused byte ranges, in order, none touching another.
     pub(super) lost: Vec<Range<u64>>,
 }
 
@@ -47,21 +47,21 @@ pub(super) struct SummaryOnly {
     pub(super) channels: Vec<u16>,
 }
 
-/// What became of a schema or channel record.
+/// Result of learning a schema or channel record.
 pub(super) enum Learned {
     New,
     Known,
-    /// Another record with its id says otherwise.
+    /// Another record with the same id differs.
     Contradicted,
 }
 
 impl Inventory {
-    /// The profile in the recording's header: `ros2`, for instance. Empty if it states none.
+    /// Profile in the recording's header: `ros2`, for instance. Empty if there is none.
     pub fn profile(&self) -> &str {
         self.header.as_ref().map_or("", |header| &header.profile)
     }
 
-    /// The program that wrote the recording, by its header.
+    /// Program that wrote the recording, according to its header.
     pub fn library(&self) -> &str {
         self.header.as_ref().map_or("", |header| &header.library)
     }
@@ -86,13 +86,15 @@ impl Inventory {
         self.summary.span
     }
 
-    /// Length in bytes of what an annotated recording begins with: through the last whole record before DataEnd. Where
-    /// readers go from record to record, for want of an index, it ends where they would lose their way.
+    /// Length in bytes of the part that an annotated recording begins with: through the last whole record before
+    /// DataEnd. With messages outside chunks, where readers go from record to record for lack of an index, it ends
+    /// before the first damage.
     pub fn prefix(&self) -> u64 {
         self.lost.first().map(|lost| lost.start).filter(|&lost| self.loose && lost < self.prefix).unwrap_or(self.prefix)
     }
 
-    /// What is whole behind the prefix, where that ends early; what is named like ours would be taken for ours.
+    /// Ranges of whole records after the prefix, where that ends early. Attachments and metadata that are named like
+    /// ours are left out, since they would be taken for ours.
     pub(super) fn take_recovered(&mut self) -> Vec<Range<u64>> {
         let (mut from, until) = (self.prefix(), self.prefix);
         let (attachments, metadata) = (&mut self.summary.attachments, &mut self.summary.metadata);
@@ -132,23 +134,23 @@ impl Inventory {
         self.finished
     }
 
-    /// Whether messages stand outside of chunks.
+    /// Whether there are messages outside chunks.
     pub fn has_loose_messages(&self) -> bool {
         self.loose
     }
 
-    /// Whether the recording was cut off behind its magic.
+    /// Whether the recording was cut off after its magic.
     pub(super) fn is_bare(&self) -> bool {
         self.prefix() == mcap::MAGIC.len() as u64
     }
 
-    /// Whether the recorder wrote chunks, but indexed no message in them.
+    /// Whether the recorder wrote chunks without any message index.
     pub(super) fn has_no_message_indexes(&self) -> bool {
         self.unindexed && self.mentioned.is_empty()
     }
 
-    /// Adds stand-ins for schemas and channels that are used although their records are lost: readers refuse to open a
-    /// recording whose index leads to them otherwise.
+    /// Adds placeholders for schemas and channels that are used although their records are lost. Otherwise readers
+    /// refuse a recording whose index leads to them.
     pub(super) fn complete(&mut self) {
         let Summary { schemas, channels, counts, .. } = &mut self.summary;
         for &id in counts.keys().filter(|id| !channels.contains_key(id)).collect::<Vec<_>>() {
@@ -166,12 +168,12 @@ impl Inventory {
         }
     }
 
-    /// The CRC of the prefix, where the recorder computed one and nothing contradicts it.
+    /// CRC of the prefix, if the recorder computed one and no damage was found.
     pub(super) fn prefix_crc(&self) -> Option<u32> {
         self.data_crc.filter(|&crc| crc != 0 && self.damage == 0)
     }
 
-    /// Notes the messages that a survey found.
+    /// Counts the messages of a survey.
     pub(super) fn count(&mut self, survey: &Survey) {
         for (&channel, tally) in &survey.tallies {
             self.summary.count(channel, tally.count);
@@ -181,7 +183,7 @@ impl Inventory {
         }
     }
 
-    /// Notes the messages that the index of an unread chunk names.
+    /// Counts the messages that the index of an unread chunk names.
     pub(super) fn count_unread(&mut self, channel: u16, count: u64, span: Option<(u64, u64)>) {
         if let Some(span) = span {
             self.summary.count(channel, count);
@@ -189,12 +191,12 @@ impl Inventory {
         }
     }
 
-    /// Whether messages stand in chunks, as far as has been seen.
+    /// Whether there were chunks so far.
     pub(super) fn has_chunks(&self) -> bool {
         self.summary.chunks > 0
     }
 
-    /// Why what these records define is more than can be held, if it is.
+    /// Reason why these records exceed the limits on definitions; `None` if they do not.
     pub(super) fn refuses(&self, survey: &Survey, limits: &Limits) -> Option<String> {
         let Limits { definitions, channels: most, .. } = *limits;
         let Summary { schemas, channels, .. } = &self.summary;
@@ -216,7 +218,7 @@ impl Inventory {
             .then(|| format!("more than {most} channels: no more are used (limits.channels)"))
     }
 
-    /// What compressed chunks were opened to, in bytes.
+    /// Total decompressed size of the compressed chunks, in bytes.
     pub fn opened(&self) -> u64 {
         self.opened
     }

@@ -1,28 +1,29 @@
-//! What is taken of a recording at most: little enough that no file exhausts a machine, more than recorders write.
+//! Limits on the sizes in a recording: low enough that no file exhausts a machine, higher than what recorders write.
 
 use super::records::ChunkHeader;
 use super::wire::op;
 
 const MIB: u64 = 1 << 20;
 
-/// Limits of a recording. What is beyond one is damage that names it, and the rest is used.
+/// Limits of a recording. Whatever exceeds one is reported as damage that names the limit, and the rest is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Longest chunk that is opened, compressed or not, in bytes.
     pub chunk: u64,
-    /// All chunks together are opened to so many times the recording's length, as far as that has come, …
+    /// Most decompressed bytes of all compressed chunks together, as a multiple of the recording's length so far. A
+    /// fixed 256 MiB is allowed on top.
     pub ratio: u64,
-    /// Longest record that is held, in bytes.
+    /// Longest record that is held in memory, in bytes.
     pub record: u64,
     /// Longest schema, channel or metadata record that is read, in bytes.
     pub definition: u64,
-    /// Bytes that all schemas and channels may take together.
+    /// Memory that all schemas and channels may take together, in bytes.
     pub definitions: u64,
-    /// Channels that a recording may have.
+    /// Largest number of channels.
     pub channels: u64,
 }
 
-/// … and to so much more.
+/// Decompressed bytes allowed beyond [`Limits::ratio`].
 const GRACE: u64 = 256 * MIB;
 
 impl Default for Limits {
@@ -39,7 +40,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Why a chunk that ends at byte `end` is not opened, if so much was opened before; by what its head says.
+    /// Refuses a chunk by its header, with the reason. It ends at byte `end`; `opened` bytes were decompressed before
+    /// it.
     pub(super) fn refuse_chunk(&self, header: &ChunkHeader<'_>, opened: u64, end: u64) -> Result<(), String> {
         let Self { chunk, ratio, .. } = *self;
         let (size, inflated) = (header.uncompressed_size, header.inflated());
@@ -57,7 +59,7 @@ impl Limits {
         Ok(())
     }
 
-    /// Why a schema, channel or metadata record of so many bytes is not read.
+    /// Reason why a schema, channel or metadata record of this length is not read.
     pub(super) fn refuse_definition(&self, opcode: u8, length: u64) -> String {
         let what = match opcode {
             op::SCHEMA => "schema",
@@ -68,7 +70,7 @@ impl Limits {
         format!("a {what} record of {length} bytes: those of more than {most} are not read (limits.definition_mib)")
     }
 
-    /// Whether so many bytes are too many to have come out of a recording that is so long.
+    /// Whether `opened` decompressed bytes are too many for a recording of this length.
     pub fn exceeds_ratio(&self, opened: u64, length: u64) -> bool {
         opened > length.saturating_mul(self.ratio).saturating_add(GRACE)
     }

@@ -1,19 +1,19 @@
-//! Names of what an annotated recording holds beside the original and its annotations.
+//! Names of the records that an annotated recording holds beside the original and its annotations.
 
-/// Name of the metadata record that says how annotations came about.
+/// Name of the metadata record that says how the annotations were made.
 pub(super) const METADATA: &str = "stillpoint";
-/// Its key for the length in bytes of what was copied from the original, in an annotated recording.
+/// Its key for the length in bytes of the prefix copied from the original, in an annotated recording.
 pub(super) const PREFIX: &str = "prefix";
-/// Its key for the length of the message indexes behind the prefix that a recording which was cut off lacked.
+/// Its key for the length in bytes of message indexes after the prefix that the original, which was cut off, lacked.
 pub(super) const COMPLETED: &str = "completed";
-/// Its key for the length of what stands behind the metadata once more, since it is whole behind the prefix of a damaged
-/// recording, with what else defines its channels.
+/// Its key for the length in bytes of what follows the metadata of a damaged recording: definitions that only the
+/// summary had, and copies of the whole records after the prefix.
 pub(super) const RECOVERED: &str = "recovered";
-/// Its key for where the last whole record of such a recording ends.
+/// Its key for the offset at which the last whole record of a damaged recording ends.
 pub(super) const WHOLE: &str = "whole";
-/// Name of the attachment that keeps what stands behind the prefix in the original.
+/// Name of the attachment that keeps the bytes after the prefix of the original.
 pub(super) const TAIL: &str = "stillpoint.tail";
-/// Name of the attachment that holds the message indexes of chunks behind which they are damaged.
+/// Name of the attachment that holds new message indexes of chunks whose own are damaged or missing.
 pub(super) const INDEXES: &str = "stillpoint.indexes";
-/// What our headers start with.
+/// First bytes of the library name in our headers.
 pub(super) const LIBRARY: &str = "stillpoint ";

@@ -1,5 +1,5 @@
-//! Telling what Stillpoint wrote from what others did, and the original inside an annotated recording.
-//! Having the bytes at hand is left to the shell, which lends them as [`ReadAt`].
+//! Recognition of files that Stillpoint wrote, and of the original inside an annotated recording. The shell provides
+//! the bytes as [`ReadAt`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -15,29 +15,29 @@ use crate::topic;
 
 /// Largest header or metadata record that can be ours, in bytes.
 const LIMIT: u64 = 1 << 24;
-/// How much is read at a time, in bytes.
+/// Read size, in bytes.
 const BLOCK: u64 = 1 << 16;
 
-/// Who wrote a file.
+/// Kind of a file, by the program that wrote it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Somebody else; the file is an original.
+    /// Written by another program; the file is an original.
     Recording,
-    /// We did, and nobody touched it since.
+    /// Written by Stillpoint and unchanged since.
     Annotated {
-        /// The recording that was annotated.
+        /// Place of the recording that was annotated.
         original: Original,
-        /// What determined the annotations.
+        /// Settings that determined the annotations.
         settings: BTreeMap<String, String>,
     },
-    /// We did: annotations alone.
+    /// Written by Stillpoint: annotations alone.
     Sidecar {
-        /// What determined the annotations.
+        /// Settings that determined the annotations.
         settings: BTreeMap<String, String>,
     },
-    /// We did, but then another program copied, filtered or extended it; the original can no longer be told.
+    /// Written by Stillpoint, then copied, filtered or extended by another program. The original cannot be recovered.
     Edited {
-        /// What does not fit.
+        /// Inconsistency that was found.
         why: &'static str,
     },
 }
@@ -50,7 +50,7 @@ pub struct Original {
 }
 
 impl Original {
-    /// A file that is a recording itself.
+    /// Original that is the whole file, of this length in bytes.
     pub fn whole(length: u64) -> Self {
         Self { prefix: length, tail: 0..0 }
     }
@@ -60,7 +60,7 @@ impl Original {
         self.prefix + (self.tail.end - self.tail.start)
     }
 
-    /// Where in the file a range of the recording is: one behind the other, these ranges of the file.
+    /// Ranges of the file that hold a range of the recording, in order.
     pub fn pieces(&self, range: Range<u64>) -> impl Iterator<Item = Range<u64>> + use<> {
         let front = range.start.min(self.prefix)..range.end.min(self.prefix);
         let place = |offset: u64| self.tail.start + offset.clamp(self.prefix, self.length()) - self.prefix;
@@ -69,8 +69,8 @@ impl Original {
     }
 }
 
-/// Looks at the end of a file for traces of our own. A file without a whole summary section counts as a recording,
-/// until [`recognise_scanned`] finds more.
+/// Looks for traces of Stillpoint at the end of a file. A file without a whole summary section is taken for a
+/// recording, until [`recognise_scanned`] finds more.
 ///
 /// # Errors
 /// If the file cannot be read.
@@ -81,7 +81,7 @@ pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<Kind, Error> {
     }
 }
 
-/// Looks for traces of our own in what a scan found, for files that lost their end.
+/// Looks for traces of Stillpoint in the result of a scan, for files that lost their end.
 ///
 /// # Errors
 /// If the file cannot be read.
@@ -89,16 +89,16 @@ pub fn recognise_scanned(file: &mut impl ReadAt, inventory: &Inventory) -> Resul
     Traces::of_inventory(inventory).judge(file)
 }
 
-/// What a file says about itself, as far as it tells who wrote it.
+/// Entries of a file that show who wrote it.
 #[derive(Default)]
 struct Traces {
     attachments: Vec<AttachmentIndex>,
     metadata: Vec<MetadataIndex>,
     /// Channels of our topics.
     ours: BTreeSet<u16>,
-    /// The last chunk that holds messages of others.
+    /// Offset of the last chunk that holds messages of other programs.
     last_foreign_chunk: u64,
-    /// Where the data section ends.
+    /// Offset of the end of the data section.
     data_end: u64,
 }
 
@@ -174,8 +174,8 @@ impl Traces {
         let mut length = |key| settings.remove(key).and_then(|length| length.parse::<u64>().ok());
         let (prefix, completed) = (length(PREFIX), length(COMPLETED).unwrap_or_default());
         let (recovered, _) = (length(RECOVERED).unwrap_or_default(), length(WHOLE));
-        // In front of the tail stands the prefix with what completes its last chunk, or a header of ours where the
-        // original was cut off behind its magic.
+        // Before the tail there is the prefix with what completes its last chunk, or a header of ours if the original
+        // was cut off after its magic.
         let stands = |prefix: u64| prefix.checked_add(completed) == Some(kept.offset) || prefix == MAGIC.len() as u64;
         let Some(prefix) = prefix.filter(|&prefix| stands(prefix)) else {
             return edited("the original's bytes are not where they were");
@@ -195,7 +195,7 @@ impl Traces {
         Ok(Kind::Annotated { original, settings })
     }
 
-    /// Whether a fold can have written these records.
+    /// Whether a fold can have written all records in the range.
     fn are_ours(&self, file: &mut impl ReadAt, range: Range<u64>) -> Result<bool, Error> {
         let end = range.end;
         let mut walk = Walk::new(range, BLOCK);

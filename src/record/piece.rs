@@ -1,14 +1,14 @@
-//! A piece of a file that is written: bytes, or where they are.
+//! Pieces of a file that is written: their bytes, or the place of their bytes.
 
 use std::ops::Range;
 
-/// A part of the annotated recording.
+/// A piece of an annotated recording or sidecar.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// These bytes of the original.
+    /// Byte range of the original.
     Original(Range<u64>),
-    /// These bytes.
+    /// Literal bytes.
     Bytes(Vec<u8>),
-    /// All chunk indexes that were taken, one behind the other: so many bytes.
+    /// All chunk indexes that were taken, in order; their total length in bytes.
     Indexes(u64),
 }

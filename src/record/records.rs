@@ -1,5 +1,5 @@
-//! The MCAP records that scanning and folding need, read from and written to bytes.
-//! Their order in a file is left to [`Scan`](super::Scan) and [`Fold`](super::Fold).
+//! MCAP records that scanning and folding need, parsed from bytes and written to bytes. Their order in a file is left
+//! to [`Scan`](super::Scan) and [`Fold`](super::Fold).
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::wire::{Fields, Put, op, record};
 use super::{Channel, Message, Schema};
 
 impl Schema {
-    /// What it takes, in bytes.
+    /// Memory that it takes, in bytes.
     pub(super) fn size(&self) -> u64 {
         (size_of::<Self>() + self.name.len() + self.encoding.len() + self.data.len()) as u64
     }
@@ -31,7 +31,7 @@ impl Schema {
 }
 
 impl Channel {
-    /// What it takes, in bytes.
+    /// Memory that it takes, in bytes.
     pub(super) fn size(&self) -> u64 {
         let metadata: usize = self.metadata.iter().map(|(key, value)| 64 + key.len() + value.len()).sum();
         (size_of::<Self>() + self.topic.len() + self.message_encoding.len() + metadata) as u64
@@ -82,7 +82,7 @@ impl<'a> Message<'a> {
     }
 }
 
-/// Who wrote the recording, and by which conventions.
+/// Header record: the program that wrote the recording, and its conventions.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Header {
     pub(super) profile: String,
@@ -103,19 +103,19 @@ impl Header {
     }
 }
 
-/// What stands in front of a chunk's records.
+/// Header of a chunk, before its records.
 pub(super) struct ChunkHeader<'a> {
     pub(super) start_time: u64,
     pub(super) end_time: u64,
     pub(super) uncompressed_size: u64,
-    /// 0 where the recorder computed none.
+    /// CRC-32 of the decompressed records, 0 if the recorder computed none.
     pub(super) uncompressed_crc: u32,
     pub(super) compression: &'a str,
     pub(super) compressed_size: u64,
 }
 
 impl<'a> ChunkHeader<'a> {
-    /// Leaves `fields` at the compressed records.
+    /// Parses the header and leaves `fields` at the compressed records.
     pub(super) fn parse(fields: &mut Fields<'a>) -> Option<Self> {
         Some(Self {
             start_time: fields.u64()?,
@@ -127,12 +127,12 @@ impl<'a> ChunkHeader<'a> {
         })
     }
 
-    /// What is in it takes so many bytes beside it, as it claims.
+    /// Additional memory that the decompressed records take, as claimed, in bytes; 0 if they are not compressed.
     pub(super) fn inflated(&self) -> u64 {
         if self.compression.is_empty() { 0 } else { self.uncompressed_size }
     }
 
-    /// The index of a chunk, as far as its header tells.
+    /// Chunk index, as far as the header determines it.
     pub(super) fn index(&self) -> ChunkIndex {
         ChunkIndex {
             start_time: self.start_time,
@@ -157,7 +157,7 @@ impl<'a> ChunkHeader<'a> {
     }
 }
 
-/// Where a chunk is, and where the indexes of its messages are.
+/// Chunk index record: the places of a chunk and of its message indexes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ChunkIndex {
     pub(super) start_time: u64,
@@ -212,7 +212,7 @@ impl ChunkIndex {
     }
 }
 
-/// Reads the index of one channel's messages in a chunk: log times, and offsets into the uncompressed records.
+/// Parses the index of one channel's messages in a chunk: log times, and offsets into the uncompressed records.
 pub(super) fn parse_message_index(body: &[u8]) -> Option<(u16, impl Iterator<Item = (u64, u64)>)> {
     let mut fields = Fields(body);
     let (channel, entries) = (fields.u16()?, fields.blob()?);
@@ -236,15 +236,16 @@ pub(super) fn write_message_index(out: &mut Vec<u8>, channel: u16, entries: &[(u
     });
 }
 
-/// Where an attachment is. Its own record begins with the same fields, see [`AttachmentIndex::parse_attachment`].
+/// Place of an attachment. The attachment record begins with the same fields, see
+/// [`AttachmentIndex::parse_attachment`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct AttachmentIndex {
     pub(super) offset: u64,
-    /// Of the whole record.
+    /// Length of the whole record, in bytes.
     pub(super) length: u64,
     pub(super) log_time: u64,
     pub(super) create_time: u64,
-    /// Of the attached bytes.
+    /// Length of the attached bytes.
     pub(super) data_size: u64,
     pub(super) name: String,
     pub(super) media_type: String,
@@ -264,7 +265,7 @@ impl AttachmentIndex {
         })
     }
 
-    /// From the head of an attachment record; leaves `fields` at the attached bytes.
+    /// Parses the head of an attachment record and leaves `fields` at the attached bytes.
     pub(super) fn parse_attachment(fields: &mut Fields<'_>, offset: u64, length: u64) -> Option<Self> {
         Some(Self {
             offset,
@@ -277,7 +278,7 @@ impl AttachmentIndex {
         })
     }
 
-    /// The head of the attachment record, up to the attached bytes.
+    /// Appends the head of the attachment record, up to the attached bytes.
     pub(super) fn put_attachment(&self, out: &mut Vec<u8>) {
         out.put_u64(self.log_time);
         out.put_u64(self.create_time);
@@ -299,7 +300,7 @@ impl AttachmentIndex {
     }
 }
 
-/// Where a metadata record is.
+/// Place of a metadata record.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct MetadataIndex {
     pub(super) offset: u64,

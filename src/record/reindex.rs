@@ -1,6 +1,6 @@
-//! Message indexes made anew, of whole chunks behind which they are damaged or missing: readers that go by them (the
-//! JavaScript one refuses a chunk without) would miss the messages. Finding such chunks is left to
-//! [`Scan`](super::Scan), a place for the indexes to [`Fold`](super::Fold).
+//! New message indexes for whole chunks whose own are damaged or missing. Readers that rely on them (the JavaScript one
+//! refuses a chunk without) would miss the messages otherwise. [`Scan`](super::Scan) finds such chunks,
+//! [`Fold`](super::Fold) places the indexes.
 
 use std::collections::BTreeMap;
 
@@ -10,12 +10,12 @@ use super::Message;
 use super::records::{ChunkIndex, parse_message_index, write_message_index};
 use super::wire::{FRAME, Fields, Put, op};
 
-/// A whole chunk of which some messages are not indexed behind it.
+/// A whole chunk of which some messages are not indexed after it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Reindexed {
-    /// Names the message indexes that do stand behind the chunk, without a gap.
+    /// Chunk index. It names the message indexes that do follow the chunk without a gap.
     pub(super) chunk: ChunkIndex,
-    /// A message index record for each channel that has messages in it, encoded.
+    /// One encoded message index record for each channel with messages in the chunk.
     pub(super) records: BTreeMap<u16, Vec<u8>>,
 }
 
@@ -40,12 +40,12 @@ impl Reindexed {
         Self { chunk, records: entries.into_iter().map(encode).collect() }
     }
 
-    /// Where what stands behind the chunk ends.
+    /// Offset of the end of the chunk and the indexes that follow it.
     pub(super) fn end(&self) -> u64 {
         self.chunk.offset + self.chunk.length + self.chunk.message_indexes_length
     }
 
-    /// Puts the records that are missing behind those that are there.
+    /// Appends the missing records, to be placed after those that are there. Returns the completed chunk index.
     pub(super) fn complete(mut self, out: &mut Vec<u8>) -> ChunkIndex {
         let (end, start) = (self.end(), out.len());
         self.records.retain(|channel, _| !self.chunk.message_indexes.contains_key(channel));
@@ -57,7 +57,7 @@ impl Reindexed {
         self.chunk
     }
 
-    /// Puts all records elsewhere: at byte `place` of the file.
+    /// Appends all records, to be placed at byte `place` of the file. Returns the chunk index that points there.
     pub(super) fn replace(self, mut place: u64, out: &mut Vec<u8>) -> ChunkIndex {
         let (message_indexes, message_indexes_length) = Default::default();
         let mut chunk = ChunkIndex { message_indexes, message_indexes_length, ..self.chunk };
@@ -70,7 +70,7 @@ impl Reindexed {
         chunk
     }
 
-    /// Length of its records.
+    /// Length of its records, in bytes.
     fn length(&self) -> u64 {
         self.records.values().map(|record| record.len() as u64).sum()
     }
@@ -81,14 +81,14 @@ impl Reindexed {
     }
 }
 
-/// Those of a recording, in order. Where most chunks lost their indexes there are many, so whoever can keep them
-/// elsewhere takes them from time to time, and gives them back to the fold.
+/// Reindexed chunks of a recording, in order. If most chunks lost their indexes there are many, so a caller that can
+/// keep them elsewhere takes them from time to time and gives them back to the fold.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reindexing {
-    /// Length of all message index records but those of the last chunk.
+    /// Length of all message index records except those of the last chunk, in bytes.
     pub(super) length: u64,
     kept: Vec<u8>,
-    /// What is missing behind it may still be put there, if nothing follows.
+    /// Last chunk. Its missing indexes can still be written directly after it, if nothing follows.
     pub(super) last: Option<Reindexed>,
 }
 
@@ -98,7 +98,7 @@ impl Reindexing {
         self.last = Some(chunk);
     }
 
-    /// Something follows the last one.
+    /// Moves the last chunk to the others, since something follows it.
     pub(super) fn settle(&mut self) {
         if let Some(last) = self.last.take() {
             self.length += last.length();
@@ -111,7 +111,7 @@ impl Reindexing {
     }
 }
 
-/// Reads what was [taken](Reindexing::take).
+/// Parses the bytes that [`take`](Reindexing::take) returned.
 pub(super) fn read(taken: &[u8]) -> impl Iterator<Item = Reindexed> {
     let mut fields = Fields(taken);
     std::iter::from_fn(move || {

@@ -1,8 +1,8 @@
-//! A recording's bytes in, its messages out: a state machine that asks for bytes and never waits for them.
-//! What the messages mean is left to [`imu`](crate::imu), reading files and waiting for more to the shell.
+//! Scan of a recording: bytes in, messages out. A state machine that asks for bytes and never waits for them. The
+//! meaning of messages is left to [`imu`](crate::imu), reading files and waiting for more bytes to the shell.
 //!
-//! Files named after things (`message_indexes`, `search`, `guide`, …) hold the parts of its state, files named after what
-//! is done (`check_indexes`, `resync`, `ask_summary`, …) the steps from one stage to the next.
+//! Files named after things (`message_indexes`, `search`, `guide`, …) hold the parts of its state, files named after
+//! actions (`check_indexes`, `resync`, `ask_summary`, …) the steps from one stage to the next.
 
 mod ask_summary;
 mod attachments;
@@ -51,16 +51,16 @@ use super::{Error, Inventory, Limits, Message};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
 ///
-/// A record counts only if it is whole and its CRC holds; the messages of a chunk come out only if all of the chunk is
-/// in order. Where the framing is lost, reading resumes at the next whole record, in a recording that still grows once
-/// it is finished. The events are a function of the recording's bytes alone, not of the pieces in which they arrive.
+/// A record is used only if it is whole and its CRC is right. The messages of a chunk are emitted only if all of the
+/// chunk is in order. If the framing is lost, reading resumes at the next whole record; in a growing recording, once it
+/// is finished. The events are a function of the recording's bytes alone, not of the pieces in which they arrive.
 ///
-/// When to call what: [`next_event`](Self::next_event) until it says [`End`](Event::End). Upon [`Read`](Event::Read), put
-/// the bytes into [`insert`](Self::insert), say how many with [`notify_read`](Self::notify_read), and call it again.
-/// Upon [`Wait`](Event::Wait), first say with [`extend`](Self::extend) that the recording has grown, or with
-/// [`finish`](Self::finish) that it will not. Upon [`Chunk`](Event::Chunk), which only comes if chunks are
-/// [offered](Self::offering_chunks), first say with [`supply`](Self::supply) what becomes of it, then take back the memory
-/// of the one before with [`spent`](Self::spent). After any event, [`take_indexes`](Self::take_indexes) and
+/// Order of calls: [`next_event`](Self::next_event) until it returns [`End`](Event::End). Upon [`Read`](Event::Read),
+/// put the bytes into [`insert`](Self::insert), report their number with [`notify_read`](Self::notify_read), and call
+/// it again. Upon [`Wait`](Event::Wait), first report with [`extend`](Self::extend) that the recording has grown, or
+/// with [`finish`](Self::finish) that it will not. Upon [`Chunk`](Event::Chunk), which only comes if chunks are
+/// [offered](Self::offering_chunks), first answer with [`supply`](Self::supply), then take back the memory of the
+/// previous chunk with [`spent`](Self::spent). After any event, [`take_indexes`](Self::take_indexes) and
 /// [`take_reindexed`](Self::take_reindexed) keep memory flat.
 ///
 /// ```
@@ -90,18 +90,19 @@ pub struct Scan {
     inflate: Inflate,
     inventory: Inventory,
     stage: Stage,
-    /// To be told before going on.
+    /// Steps to emit before reading on.
     queue: VecDeque<Step>,
     indexes: IndexCheck,
     sync: Synchronisation,
-    /// What the summary says, once it was asked.
+    /// Content of the summary, once it was read early.
     guide: Option<Guide>,
-    /// What the summary section says, until its CRC is known.
+    /// Content of the summary section, until its CRC is known.
     summary: SummarySection,
-    /// What we wrote ourselves, if the recording is an annotated one, and whether its end has been looked at for that.
+    /// Parts of the file that Stillpoint wrote, if it is an annotated recording, and whether its end was searched for
+    /// them.
     ours: Option<Ours>,
     recognised: bool,
-    /// Whether chunks are offered, what became of the last offer, and a chunk that is not needed any more.
+    /// Whether chunks are offered, the answer to the last offer, and a chunk that is no longer needed.
     offering: bool,
     supply: Option<Supply>,
     spent: Option<Opened>,
@@ -109,14 +110,14 @@ pub struct Scan {
     limits: Limits,
 }
 
-/// What becomes of a chunk that a scan [offers](Scan::offering_chunks).
+/// Answer to the offer of a chunk, see [`offering_chunks`](Scan::offering_chunks).
 #[derive(Debug)]
 pub enum Supply {
-    /// It has been opened.
+    /// The chunk has been opened.
     Opened(Opened),
-    /// Its messages are of no use: it is not read, and what is in it is taken from the message indexes behind it.
+    /// Its messages are not needed: it is not read, and its content is taken from the message indexes that follow it.
     Unread,
-    /// The scan is to read it itself.
+    /// The scan shall read it itself.
     Absent,
 }
 
@@ -129,7 +130,7 @@ impl Supply {
     }
 }
 
-/// An event without its data, which stays where it is.
+/// An event without its data, which stays in place.
 enum Step {
     Stop(Stop),
     Chunk(Frame),
@@ -142,14 +143,14 @@ enum Step {
     End,
 }
 
-/// What comes next.
+/// Stage of a scan: what is read next.
 #[derive(Default)]
 enum Stage {
     #[default]
     Magic,
     Recognising(Box<Recognising>),
     Record,
-    /// A chunk is offered.
+    /// A chunk was offered and waits for the answer.
     Offering(Frame),
     Telling(Telling),
     Attaching(Attaching),
@@ -161,12 +162,12 @@ enum Stage {
 }
 
 impl Scan {
-    /// A scan of a recording that may grow. Its length is 0 until [`Scan::extend`] says otherwise.
+    /// Scan of a recording that may grow. Its length is 0 until [`Scan::extend`] is called.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A scan of a recording that has this length and will not grow.
+    /// Scan of a recording that has this length and will not grow.
     pub fn finished(length: u64) -> Self {
         let mut scan = Self::new();
         scan.extend(length);
@@ -174,30 +175,30 @@ impl Scan {
         scan
     }
 
-    /// The recording is this long now. No byte beyond is asked for, and no record that reaches beyond is whole.
+    /// Sets the current length. No byte beyond it is requested, and no record that reaches beyond it is whole.
     pub fn extend(&mut self, length: u64) {
         if !self.is_still(length) {
             self.horizon.set_extent(Extent { length, ..self.horizon.extent() });
         }
     }
 
-    /// The recording will not grow any more.
+    /// Declares that the recording will not grow any more.
     pub fn finish(&mut self) {
         self.finish_ours();
         self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
     }
 
-    /// The same, but no more is taken of the recording than these limits say.
+    /// Sets the limits on what is read of the recording.
     pub fn within_limits(self, limits: Limits) -> Self {
         Self { limits, ..self }
     }
 
-    /// The same, but chunks are not read without being [offered](Event::Chunk): they may come from elsewhere.
+    /// Offers chunks by [`Event::Chunk`] before reading them, since they may be opened elsewhere.
     pub fn offering_chunks(self) -> Self {
         Self { offering: true, ..self }
     }
 
-    /// What becomes of the chunk that was offered. What one opened says is the same, wherever that was done.
+    /// Answers the offer of a chunk. The events are the same wherever the chunk was opened.
     pub fn supply(&mut self, supply: Supply) {
         if let Stage::Offering(_) = self.stage {
             self.supply = Some(supply);
@@ -205,50 +206,50 @@ impl Scan {
         }
     }
 
-    /// The opened chunk that was told last, for its memory.
+    /// Takes back the opened chunk that was emitted last, to reuse its memory.
     pub fn spent(&mut self) -> Option<Opened> {
         self.spent.take()
     }
 
-    /// Room for `length` bytes of the recording, from the offset on that [`Event::Read`] gave.
+    /// Room for `length` bytes of the recording, from the offset in [`Event::Read`] on.
     pub fn insert(&mut self, length: usize) -> &mut [u8] {
         self.horizon.insert(length)
     }
 
-    /// So many bytes have been written to what [`Scan::insert`] gave. None is no news: it does not mean the end.
+    /// Reports that `length` bytes were written to the room from [`Scan::insert`]. 0 does not mean the end.
     pub fn notify_read(&mut self, length: usize) {
         let room = self.room(self.horizon.offset() + self.horizon.buffered().len() as u64);
         self.horizon.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
     }
 
-    /// Hands over the chunk indexes found since the last time, so that they do not pile up; a [fold](super::Fold) wants
-    /// them back in the place of [`Piece::Indexes`](super::Piece::Indexes).
+    /// Takes the chunk indexes found since the last call, so that they do not pile up. For a [fold](super::Fold), they
+    /// must be written in the place of [`Piece::Indexes`](super::Piece::Indexes).
     pub fn take_indexes(&mut self) -> Vec<u8> {
         self.inventory.summary.take_indexes()
     }
 
-    /// Hands over what was found since the last time of chunks whose message indexes are damaged or missing, likewise; a
-    /// fold wants it back by [`Fold::reindex`](super::Fold::reindex).
+    /// Takes the chunks found since the last call whose message indexes are damaged or missing, with new indexes. A
+    /// fold needs them in [`Fold::reindex`](super::Fold::reindex).
     pub fn take_reindexed(&mut self) -> Vec<u8> {
         self.inventory.summary.reindexing.take()
     }
 
-    /// What was found so far; complete after [`Event::End`].
+    /// Contents found so far; complete after [`Event::End`].
     pub fn inventory(&self) -> &Inventory {
         &self.inventory
     }
 
-    /// What was found.
+    /// Contents found.
     pub fn into_inventory(self) -> Inventory {
         self.inventory
     }
 
-    /// The first byte of the recording that has not been told.
+    /// Offset of the first byte of the recording that was not emitted.
     pub fn offset(&self) -> u64 {
         self.horizon.offset()
     }
 
-    /// What is next.
+    /// Next event.
     ///
     /// # Errors
     /// If the recording is empty or does not begin like an MCAP file.
@@ -308,7 +309,7 @@ impl Scan {
             match done {
                 Ok(()) => {}
                 Err(stop @ Stop::Read { .. }) => return Ok(Step::Stop(stop)),
-                // What was judged may be written again meanwhile.
+                // The bytes that were judged may be rewritten meanwhile.
                 Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
                 Err(Stop::End | Stop::Cut { .. }) => {
                     self.end("the recording ends without a footer: its recorder never finished it")
@@ -366,7 +367,7 @@ impl Scan {
         }
         let is_lost = matches!(bounds, Bounds::Lost(_)) || frame.opcode == 0;
         if is_lost && !self.horizon.extent().finished {
-            // It may become a record yet, even one that belongs to the chunk before.
+            // It may still become a record, even one that belongs to the previous chunk.
             return Err(Stop::Wait);
         }
         if frame.opcode != op::MESSAGE_INDEX && self.close_chunk(matches!(bounds, Bounds::Sound).then_some(frame)) {
@@ -391,7 +392,7 @@ impl Scan {
         }
     }
 
-    /// Goes on behind a record; all that is whole in front of DataEnd is prefix.
+    /// Continues after a record. The prefix extends through the last record before DataEnd.
     fn pass(&mut self, frame: Frame) {
         self.consume(frame.end() - self.horizon.offset());
         if !self.summary.begun {

@@ -1,14 +1,14 @@
-//! What records look like from outside: lengths that fit an opcode, and the length that a record's own content implies.
-//! With these, a corrupt length is told from a sound one, and a record from bytes that happen to look like one.
+//! Shape of records: lengths that fit an opcode, and the length that a record's own content implies. With these,
+//! corrupt lengths are told from sound ones, and records from bytes that merely look like one.
 
 use super::wire::{FRAME, op};
 
-/// Longest record that is taken for one, in bytes, though it may be too long to be held in memory.
+/// Longest plausible record, in bytes. It may be too long to be held in memory.
 const LIMIT: u64 = 1 << 30;
-/// Longest attachment that is taken for one, in bytes: attachments are never held in memory.
+/// Longest plausible attachment, in bytes. Attachments are never held in memory.
 const LONGEST_ATTACHMENT: u64 = 1 << 48;
 
-/// Most bytes of unknown fields that are believed at the end of a record behind damage.
+/// Most bytes of unknown fields that are accepted at the end of a record after damage.
 pub(super) const SPARE: u64 = 4096;
 
 /// Whether a record of this opcode can have a body of this length. A chunk that is still open claims `u64::MAX`.
@@ -29,14 +29,14 @@ pub(super) fn fits(opcode: u8, length: u64) -> bool {
         op::STATISTICS => (46, LIMIT),
         op::METADATA_INDEX => (20, LIMIT),
         op::SUMMARY_OFFSET => (17, LIMIT),
-        // Not to be extended by the specification, but read by all readers where it is.
+        // The specification does not allow to extend it, but all readers read it if it is extended.
         op::DATA_END => (4, SPARE + 4),
         _ => (0, LIMIT),
     };
     (least..=most).contains(&length)
 }
 
-/// Whether a record can begin with these bytes, of which there may be few at the end of a recording.
+/// Whether a record can begin with these bytes. At the end of a recording there may be few of them.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     match (bytes.first(), head(bytes)) {
         (_, Some((opcode, length))) => fits(opcode, length),
@@ -50,20 +50,20 @@ pub(super) fn is_defined(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode)
 }
 
-/// Opcode and length in front of a record's body.
+/// Opcode and length at the beginning of a record.
 pub(super) fn head(bytes: &[u8]) -> Option<(u8, u64)> {
     let (opcode, rest) = bytes.split_first()?;
     Some((*opcode, u64::from_le_bytes(*rest.first_chunk()?)))
 }
 
-/// What the content of a record says about the length of its body.
+/// Length of a record's body, as its content implies it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Measure {
-    /// It has this length.
+    /// The body has this length.
     Says(u64),
-    /// So many bytes of the body must be seen first.
+    /// The length is known only after this many bytes of the body.
     Needs(u64),
-    /// Nothing.
+    /// The content does not state the length.
     Silent,
 }
 
@@ -84,7 +84,7 @@ pub(super) fn measure(opcode: u8, body: &[u8]) -> Measure {
     measured.map_or_else(Measure::Needs, |()| Measure::Says(ruler.at))
 }
 
-/// Goes over fields without reading what is in them. An error is the number of bytes needed.
+/// Cursor that skips fields without reading their content. An error is the number of bytes needed.
 struct Ruler<'a> {
     body: &'a [u8],
     at: u64,
@@ -95,7 +95,7 @@ impl Ruler<'_> {
         self.at = self.at.saturating_add(length);
     }
 
-    /// Over `fixed` bytes, and `count` strings behind their lengths.
+    /// Skips `fixed` bytes, and `count` strings with their lengths.
     fn blobs(&mut self, fixed: u64, count: usize) -> Result<(), u64> {
         self.skip(fixed);
         for _ in 0..count {
@@ -105,7 +105,7 @@ impl Ruler<'_> {
         Ok(())
     }
 
-    /// Over bytes behind a 64-bit length.
+    /// Skips bytes with a 64-bit length before them.
     fn bytes(&mut self) -> Result<(), u64> {
         let length = u64::from_le_bytes(self.take()?);
         self.skip(length);
@@ -120,7 +120,7 @@ impl Ruler<'_> {
     }
 }
 
-/// Behind a record whose body has this length.
+/// Offset of the first byte after a record that begins at `offset` and has a body of this length.
 pub(super) fn end(offset: u64, length: u64) -> u64 {
     offset.saturating_add(FRAME as u64).saturating_add(length)
 }

@@ -1,5 +1,5 @@
-//! Annotations alone, as a recording of their own that viewers show on the original's timeline.
-//! Writing the bytes is left to the shell.
+//! Annotations alone, as a recording of their own that viewers show on the original's timeline. Writing the bytes is
+//! left to the shell.
 
 use std::collections::BTreeMap;
 
@@ -16,17 +16,19 @@ use super::walk::{ReadAt, Walk};
 use super::wire::{Fields, op};
 use super::{Annotation, Block, Channel, Error, Message, Piece, Topic};
 
-/// Writes a sidecar: the bytes of [`Sidecar::open`], of each [`Sidecar::block`], and the pieces of [`Sidecar::close`].
+/// Writer of a sidecar: the bytes of [`Sidecar::open`], of each [`Sidecar::block`], and the pieces of
+/// [`Sidecar::close`].
 ///
-/// What has been written is whole at any time up to the last block, so that a growing sidecar can be followed; the
-/// state can be saved and taken up again.
+/// The file is whole up to the last block at any time, so that a growing sidecar can be followed. The state can be
+/// saved and resumed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sidecar {
     emitter: Emitter,
 }
 
 impl Sidecar {
-    /// Begins: header and metadata. The profile is the original's, the settings are what determines the annotations.
+    /// Begins with header and metadata. The profile is the original's, the settings are what determines the
+    /// annotations.
     pub fn open(profile: &str, settings: &BTreeMap<String, String>) -> (Self, Vec<u8>) {
         let mut out = MAGIC.to_vec();
         Header { profile: profile.to_owned(), library: library() }.write(&mut out);
@@ -36,7 +38,7 @@ impl Sidecar {
         (Self { emitter }, out)
     }
 
-    /// The bytes that hold a block. Topics that are new to the list come at its end.
+    /// Bytes of a block. New topics are appended to the end of the list.
     ///
     /// # Errors
     /// If an annotation's topic is not in the list, if ids run out, or if compression fails.
@@ -44,18 +46,18 @@ impl Sidecar {
         self.emitter.block(topics, block)
     }
 
-    /// Hands over the chunk indexes since the last time, to be given back in the place of [`Piece::Indexes`].
+    /// Takes the chunk indexes since the last call. They must be written in the place of [`Piece::Indexes`].
     pub fn take_indexes(&mut self) -> Vec<u8> {
         self.emitter.summary.take_indexes()
     }
 
-    /// The last pieces: the end of the data, the summary, the footer.
+    /// Last pieces: the end of the data, the summary, the footer.
     pub fn close(self) -> Vec<Piece> {
         self.emitter.close()
     }
 }
 
-/// The blocks of a sidecar, in the order of writing, while it grows or when it is whole.
+/// Reader of the blocks of a sidecar, growing or whole, in the order of writing.
 pub struct SidecarBlocks {
     walk: Walk,
     inflate: Inflate,
@@ -63,17 +65,17 @@ pub struct SidecarBlocks {
     channels: BTreeMap<u16, String>,
 }
 
-/// How much is read at a time, in bytes.
+/// Read size, in bytes.
 const READ: u64 = 1 << 18;
 
 impl SidecarBlocks {
-    /// Those in the first `length` bytes.
+    /// Reader of the blocks in the first `length` bytes.
     pub fn new(length: u64) -> Self {
         let start = (MAGIC.len() as u64).min(length);
         Self { walk: Walk::new(start..length, READ), inflate: Inflate::default(), channels: BTreeMap::new() }
     }
 
-    /// The next one; `None` behind the last. Its topics are places in the list.
+    /// Next block; `None` after the last. Its topics are indices into `topics`.
     ///
     /// # Errors
     /// If the sidecar cannot be read or is damaged.
@@ -100,7 +102,7 @@ impl SidecarBlocks {
     }
 }
 
-/// The annotations among the records of a chunk.
+/// Annotations among the records of a chunk.
 fn read_block(records: &[u8], channels: &mut BTreeMap<u16, String>, topics: &[Topic]) -> Option<Block> {
     let mut fields = Fields(records);
     let mut block = Block::default();

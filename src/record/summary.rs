@@ -1,6 +1,5 @@
-//! What a recording's data section holds, collected record by record, and the summary section that says so.
-//! What is collected is left to [`Inventory`](super::Inventory) for an original and [`Emitter`](super::emitter) for
-//! annotations.
+//! Contents of a data section, collected record by record, and the summary section that lists them. Collecting is left
+//! to [`Inventory`](super::Inventory) for an original and to [`Emitter`](super::emitter) for annotations.
 
 use std::collections::BTreeMap;
 
@@ -13,34 +12,34 @@ use super::reindex::{Reindexed, Reindexing};
 use super::wire::{Put, op, record};
 use super::{Channel, Piece, Schema};
 
-/// The contents of a data section.
+/// Contents of a data section.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Summary {
     pub(super) schemas: BTreeMap<u16, Schema>,
     pub(super) channels: BTreeMap<u16, Channel>,
-    /// Messages of each channel that has any.
+    /// Number of messages of each channel that has any.
     pub(super) counts: BTreeMap<u16, u64>,
-    /// First and last log time.
+    /// First and last log time, in nanoseconds.
     pub(super) span: Option<(u64, u64)>,
     pub(super) chunks: u32,
     indexes: Indexes,
-    /// Chunks that are not indexed yet, because their message indexes must be written anew.
+    /// Chunks not indexed yet, because their message indexes must be written anew.
     pub(super) reindexing: Reindexing,
-    /// Where the last chunk with messages of a channel is, by its message indexes.
+    /// Offset of the last chunk with messages of a channel, by its message indexes.
     pub(super) last_chunks: BTreeMap<u16, u64>,
     pub(super) attachments: Vec<AttachmentIndex>,
     pub(super) metadata: Vec<MetadataIndex>,
-    /// Records of the original's summary that MCAP does not define, encoded, by opcode.
+    /// Encoded records of the original's summary that MCAP does not define, by opcode.
     pub(super) private: BTreeMap<u8, Vec<u8>>,
 }
 
 impl Summary {
-    /// Notes `count` messages of a channel.
+    /// Adds `count` messages of a channel.
     pub(super) fn count(&mut self, channel: u16, count: u64) {
         *self.counts.entry(channel).or_default() += count;
     }
 
-    /// Notes log times.
+    /// Extends the span of log times.
     pub(super) fn cover(&mut self, (from, until): (u64, u64)) {
         self.span = Some(match self.span {
             None => (from, until),
@@ -48,19 +47,19 @@ impl Summary {
         });
     }
 
-    /// Notes a chunk.
+    /// Adds a chunk and its index.
     pub(super) fn index(&mut self, chunk: &ChunkIndex) {
         self.hold(chunk.offset, chunk.message_indexes.keys());
         chunk.write(&mut self.indexes.kept);
     }
 
-    /// Notes a chunk that is to be indexed once its message indexes have a place.
+    /// Adds a chunk that is indexed once its message indexes have a place.
     pub(super) fn index_later(&mut self, chunk: Reindexed) {
         self.hold(chunk.chunk.offset, chunk.records.keys());
         self.reindexing.push(chunk);
     }
 
-    /// Indexes a chunk that was noted.
+    /// Indexes a chunk that was already added.
     pub(super) fn index_now(&mut self, chunk: &ChunkIndex) {
         chunk.write(&mut self.indexes.kept);
     }
@@ -70,14 +69,14 @@ impl Summary {
         self.last_chunks.extend(channels.map(|&channel| (channel, chunk)));
     }
 
-    /// Takes away the attachments and metadata from byte `from` of the file on.
+    /// Splits off the attachments and metadata from byte `from` of the file on.
     pub(super) fn split_off(&mut self, from: u64) -> Self {
         let attachments = self.attachments.extract_if(.., |entry| entry.offset >= from).collect();
         let metadata = self.metadata.extract_if(.., |entry| entry.offset >= from).collect();
         Self { attachments, metadata, ..Self::default() }
     }
 
-    /// What stood at some places stands at others.
+    /// Moves attachments, metadata and last chunks to new offsets.
     pub(super) fn relocate(&mut self, place: impl Fn(u64) -> u64) {
         let attachments = self.attachments.iter_mut().map(|entry| &mut entry.offset);
         let metadata = self.metadata.iter_mut().map(|entry| &mut entry.offset);
@@ -85,14 +84,14 @@ impl Summary {
         offsets.for_each(|offset| *offset = place(*offset));
     }
 
-    /// Hands over the indexes noted since the last time.
+    /// Takes the chunk indexes added since the last call.
     pub(super) fn take_indexes(&mut self) -> Vec<u8> {
         self.indexes.take()
     }
 
-    /// Everything behind the DataEnd record, which ends at byte `start` of the file.
+    /// Everything after the DataEnd record, which ends at byte `start` of the file.
     ///
-    /// Without `indexed`, chunks are counted but not indexed: readers that find an index look nowhere else.
+    /// Without `indexed`, chunks are counted but not indexed, since readers that find an index look nowhere else.
     pub(super) fn write(self, start: u64, indexed: bool) -> Vec<Piece> {
         let mut groups = Groups { start, ..Groups::default() };
         groups.group(op::SCHEMA, |out| self.schemas.values().for_each(|schema| schema.write(out)));
@@ -129,11 +128,11 @@ impl Summary {
     }
 }
 
-/// The indexes of chunks, encoded, in file order. A long recording has many, so whoever can keep them elsewhere takes
-/// them from time to time, and gives them back in the place of [`Piece::Indexes`].
+/// Encoded chunk indexes, in file order. A long recording has many, so a caller that can keep them elsewhere takes them
+/// from time to time and writes them in the place of [`Piece::Indexes`].
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Indexes {
-    /// Length and CRC-32 of what was taken.
+    /// Length and CRC-32 of the indexes taken so far.
     taken: (u64, u32),
     kept: Vec<u8>,
 }
@@ -153,12 +152,12 @@ impl Indexes {
 struct Groups {
     start: u64,
     pieces: Vec<Piece>,
-    /// Length and CRC-32 of the pieces.
+    /// Length (`passed`) and CRC-32 (`crc`) of the finished pieces.
     passed: u64,
     crc: Hasher,
-    /// The piece being written.
+    /// Piece being written.
     out: Vec<u8>,
-    /// Opcode, place and length of each group.
+    /// Opcode, offset and length of each group.
     offsets: Vec<(u8, u64, u64)>,
 }
 
@@ -167,7 +166,7 @@ impl Groups {
         self.start + self.passed + self.out.len() as u64
     }
 
-    /// Adds a group; one without records leaves no trace.
+    /// Adds a group. A group without records gets no entry.
     fn group(&mut self, opcode: u8, fill: impl FnOnce(&mut Vec<u8>)) {
         let start = self.here();
         fill(&mut self.out);
@@ -181,7 +180,7 @@ impl Groups {
         }
     }
 
-    /// Adds the group of the chunk indexes, of which most may be elsewhere.
+    /// Adds the group of the chunk indexes, most of which may be kept elsewhere.
     fn indexes(&mut self, indexes: &Indexes) {
         let start = self.here();
         let (length, crc) = indexes.taken;
@@ -216,7 +215,7 @@ impl Groups {
             out.put_u64(offsets_start);
             out.put_u32(0);
         });
-        // The CRC covers the footer, too, up to the CRC itself, so it can only now be filled in.
+        // The CRC covers the footer up to the CRC itself, so it can be filled in only now.
         self.out.truncate(self.out.len() - 4);
         self.flush();
         let mut end = self.crc.finalize().to_le_bytes().to_vec();

@@ -1,5 +1,5 @@
-//! One look over the records of a chunk, before any of them counts: is each whole, and what do they define?
-//! Keeping the answer is left to [`Inventory`](super::Inventory).
+//! Check of a chunk's records before any of them is used: whether each is whole, and what they define. Keeping the
+//! result is left to [`Inventory`](super::Inventory).
 
 use std::collections::BTreeMap;
 
@@ -9,30 +9,30 @@ use super::limits::Limits;
 use super::wire::{Fields, op};
 use super::{Channel, Message, Schema};
 
-/// What a run of records holds.
+/// Contents of a sequence of records.
 #[derive(Debug, Default)]
 pub(super) struct Survey {
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
-    /// The messages, by channel.
+    /// Messages by channel.
     pub(super) tallies: BTreeMap<u16, Tally>,
-    /// First and last log time.
+    /// First and last log time, in nanoseconds.
     pub(super) span: Option<(u64, u64)>,
 }
 
-/// Messages of one channel.
+/// Tally of the messages of one channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Tally {
     pub(super) count: u64,
-    /// Of their log times and places, whatever their order.
+    /// Digest of their log times and offsets, independent of their order.
     digest: u64,
 }
 
 impl Tally {
-    /// Takes in a message by its log time and its offset in the chunk's records.
+    /// Adds a message by its log time and its offset in the chunk's records.
     pub(super) fn add(&mut self, log_time: u64, offset: u64) {
         self.count += 1;
-        // SplitMix64's finaliser (Steele et al. 2014), so that what differs in any bit does not add up to the same.
+        // Finaliser of SplitMix64 (Steele et al. 2014), so that a difference in any bit changes the sum.
         let mut mixed = log_time ^ offset.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -41,7 +41,7 @@ impl Tally {
 }
 
 impl Survey {
-    /// Looks over all of `records`; what is wrong with them, or too large, is told in words.
+    /// Checks all of `records`. The error describes what is malformed or too large.
     pub(super) fn of(records: &[u8], limits: &Limits) -> Result<Self, String> {
         let mut survey = Self::default();
         let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
@@ -77,7 +77,7 @@ impl Survey {
     }
 }
 
-/// Keeps the first record with an id, and the first that contradicts it; all others say nothing new.
+/// Keeps the first record with an id, and the first that contradicts it. Further records add nothing.
 fn note<T: PartialEq>(kept: &mut Vec<T>, known: &mut BTreeMap<u16, (usize, bool)>, id: u16, record: T) {
     match known.get_mut(&id) {
         None => {

@@ -1,4 +1,4 @@
-//! Schemas, channels and messages, as they stand in a recording.
+//! Schemas, channels and messages, as stored in a recording.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// A schema record.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Schema {
-    /// Its id in the recording, never 0.
+    /// Id in the recording, never 0.
     pub id: u16,
     /// Type name, `sensor_msgs/msg/Imu` for instance.
     pub name: String,
@@ -20,28 +20,28 @@ pub struct Schema {
 /// A channel record.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
-    /// Its id in the recording.
+    /// Id in the recording.
     pub id: u16,
-    /// 0 for a channel without schema.
+    /// Id of its schema, 0 for a channel without schema.
     pub schema_id: u16,
-    /// What it is about, `/imu/data` for instance.
+    /// Topic, `/imu/data` for instance.
     pub topic: String,
     /// Encoding of its messages: `cdr`, `ros1`, `protobuf`, `json`, …
     pub message_encoding: String,
-    /// Whatever the recorder noted.
+    /// Metadata that the recorder added.
     pub metadata: BTreeMap<String, String>,
 }
 
-/// A message as it stands in the recording.
+/// A message, as stored in the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message<'a> {
     /// Id of its channel.
     pub channel: u16,
-    /// The publisher's count, 0 if it keeps none.
+    /// Sequence number given by the publisher, 0 without one.
     pub sequence: u32,
-    /// When it was recorded, in nanoseconds.
+    /// Time of recording, in nanoseconds.
     pub log_time: u64,
-    /// When it was published, in nanoseconds.
+    /// Time of publishing, in nanoseconds.
     pub publish_time: u64,
     /// The encoded message.
     pub data: &'a [u8],

@@ -1,5 +1,5 @@
-//! A walk over the records of a file whose bytes lie at hand, from one frame to the next. What is in the frames is left
-//! to the caller.
+//! Walk over the records of a file whose bytes are available, from frame to frame. The content of the frames is left to
+//! the caller.
 
 use std::io;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use super::Error;
 use super::footer::{CLOSING, Footer};
 use super::horizon::{Extent, Frame, Horizon, Stop};
 
-/// Something whose bytes can be read anywhere.
+/// Random access to bytes.
 pub trait ReadAt {
     /// Fills `buffer` from byte `offset` on.
     ///
@@ -26,14 +26,14 @@ impl ReadAt for &[u8] {
     }
 }
 
-/// A walk over the records of a part of a file.
+/// Walk over the records in a part of a file.
 #[derive(Default)]
 pub(super) struct Walk {
     horizon: Horizon,
-    /// Length of the record that was given last.
+    /// Length of the record returned last, opcode and length included.
     passed: u64,
     end: u64,
-    /// How much is read at a time, in bytes.
+    /// Read size, in bytes.
     block: u64,
 }
 
@@ -45,7 +45,7 @@ impl Walk {
         Self { horizon, passed: 0, end: range.end, block }
     }
 
-    /// The next record, if a whole one follows.
+    /// Next record, if a whole one follows.
     pub(super) fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Frame>, Error> {
         self.horizon.skip(self.passed);
         self.passed = 0;
@@ -64,7 +64,7 @@ impl Walk {
         }
     }
 
-    /// The first `most` bytes of the record that was given last.
+    /// First `most` bytes of the body of the record returned last.
     pub(super) fn body(&mut self, file: &mut impl ReadAt, frame: Frame, most: u64) -> Result<&[u8], Error> {
         while let Err(stop) = self.horizon.body(frame, most) {
             if !self.fill(file, stop)? {
@@ -74,7 +74,7 @@ impl Walk {
         Ok(self.horizon.body(frame, most).unwrap_or_default())
     }
 
-    /// Behind the records given.
+    /// Offset after the records returned so far.
     pub(super) fn offset(&self) -> u64 {
         self.horizon.offset() + self.passed
     }
@@ -89,18 +89,18 @@ impl Walk {
     }
 }
 
-/// The footer at a file's end, if its recorder closed it.
+/// Footer at a file's end, if its recorder closed it.
 pub(super) fn footer(file: &mut impl ReadAt, length: u64) -> Result<Option<Footer>, Error> {
     let Some(offset) = length.checked_sub(CLOSING as u64) else { return Ok(None) };
     Ok(Footer::parse(&read(file, offset..length)?, offset))
 }
 
-/// Where the summary section of a file stands, footer excluded, by the footer at the file's end.
+/// Range of the summary section of a file, footer excluded, by the footer at the file's end.
 pub(super) fn summary_section(file: &mut impl ReadAt, length: u64) -> Result<Option<Range<u64>>, Error> {
     Ok(footer(file, length)?.map(|footer| footer.section))
 }
 
-/// The bytes in a range.
+/// Bytes in a range.
 pub(super) fn read(file: &mut impl ReadAt, range: Range<u64>) -> Result<Vec<u8>, Error> {
     let mut bytes = vec![0; (range.end - range.start) as usize];
     file.read_at(range.start, &mut bytes).map_err(|cause| Error::Read { offset: range.start, cause })?;

@@ -1,24 +1,24 @@
-//! How MCAP lays out bytes: little-endian fields, length-prefixed strings and maps, `[opcode][length][body]` records.
-//! What the records mean is left to [`records`](super::records).
+//! Byte layout of MCAP: little-endian fields, length-prefixed strings and maps, `[opcode][length][body]` records. The
+//! meaning of the records is left to [`records`](super::records).
 
 use std::collections::BTreeMap;
 
 pub(super) use mcap::records::op;
 
-/// Opcode and length in front of each record.
+/// Length of the opcode and length before each record's body.
 pub(super) const FRAME: usize = 9;
-/// Of a DataEnd record.
+/// Length of a DataEnd record, in bytes.
 pub(super) const DATA_END: u64 = FRAME as u64 + 4;
 
-/// How many bytes tell whether a file is MCAP.
+/// Number of bytes that show whether a file is MCAP.
 pub const START: usize = mcap::MAGIC.len();
 
-/// Whether a file that begins so is MCAP.
+/// Whether a file that begins with these bytes is MCAP.
 pub fn is_beginning(bytes: &[u8]) -> bool {
     bytes.starts_with(mcap::MAGIC)
 }
 
-/// Takes fields off the front of a record's body; `None` once it is too short or a string is not UTF-8.
+/// Parser that takes fields off the front of a record's body; `None` if it is too short or a string is not UTF-8.
 #[derive(Clone)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -45,7 +45,7 @@ impl<'a> Fields<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    /// Bytes behind a 32-bit length.
+    /// Bytes after a 32-bit length.
     pub(super) fn blob(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.bytes(length as usize)
@@ -59,7 +59,7 @@ impl<'a> Fields<'a> {
         self.str().map(str::to_owned)
     }
 
-    /// Pairs of strings; a repeated key is malformed.
+    /// Map of strings. A repeated key is malformed.
     pub(super) fn map(&mut self) -> Option<BTreeMap<String, String>> {
         let mut pairs = Fields(self.blob()?);
         let mut map = BTreeMap::new();
@@ -71,7 +71,7 @@ impl<'a> Fields<'a> {
         Some(map)
     }
 
-    /// The next record: opcode and body.
+    /// Next record: opcode and body.
     pub(super) fn record(&mut self) -> Option<(u8, &'a [u8])> {
         let opcode = self.u8()?;
         let length = usize::try_from(self.u64()?).ok()?;
@@ -83,7 +83,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Appends fields.
+/// Writer of fields.
 pub(super) trait Put {
     fn put(&mut self, bytes: &[u8]);
 
@@ -99,7 +99,7 @@ pub(super) trait Put {
         self.put(&value.to_le_bytes());
     }
 
-    /// Bytes behind a 32-bit length.
+    /// Appends a 32-bit length and the bytes.
     fn put_blob(&mut self, bytes: &[u8]) {
         self.put_u32(bytes.len() as u32);
         self.put(bytes);

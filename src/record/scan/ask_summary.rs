@@ -1,11 +1,11 @@
-//! The summary asked before its time, and gone back from.
+//! Reading of the summary ahead of time, and the return to the data.
 
 use super::guide::{Asking, Guide};
 use super::{Scan, Stage};
 use crate::record::horizon::Stop;
 
 impl Scan {
-    /// Asks the summary, and comes back here. In a recording that still grows, there is none yet.
+    /// Starts to read the summary, to return here afterwards. A growing recording has none yet, so the scan waits.
     pub(super) fn ask(&mut self) -> Result<(), Stop> {
         if !self.horizon.extent().finished {
             return Err(self.horizon.wait());
@@ -28,7 +28,7 @@ impl Scan {
         let guide = match in_order {
             true => {
                 let (guide, schemas, channels) = asking.guide();
-                // What contradicts the data is said when the summary is read in its turn.
+                // Contradictions are reported later, when the summary is read in its turn.
                 self.learn_from_summary(schemas, channels);
                 guide
             }

@@ -1,4 +1,4 @@
-//! An attachment that is read: never held in memory, and told from damaged ones by its CRC.
+//! Check of an attachment by its CRC, without holding it in memory.
 
 use crc32fast::Hasher;
 
@@ -6,7 +6,7 @@ use super::data_crc::DataCrc;
 use crate::record::horizon::{Frame, Horizon, Stop};
 use crate::record::records::AttachmentIndex;
 
-/// An attachment whose CRC is being computed; it is never held in memory.
+/// An attachment whose CRC is being computed. It is never held in memory.
 pub(super) struct Attaching {
     pub(super) frame: Frame,
     pub(super) index: AttachmentIndex,
@@ -15,7 +15,7 @@ pub(super) struct Attaching {
 }
 
 impl Attaching {
-    /// Takes what is buffered, until all attached bytes have been seen and the stored CRC is buffered.
+    /// Hashes the buffered bytes, until all attached bytes have been seen and the stored CRC is buffered.
     pub(super) fn hash(&mut self, horizon: &mut Horizon, data: &mut DataCrc) -> Result<(), Stop> {
         while self.left > 0 {
             horizon.peek(1)?;

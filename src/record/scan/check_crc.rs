@@ -1,18 +1,17 @@
-//! The CRC of the data section, as it is passed over and checked.
+//! Computation and check of the data section's CRC.
 
 use super::Scan;
 use crate::record::chunk::Opened;
 use crate::record::horizon::Frame;
 
 impl Scan {
-    /// The same, but the CRC of the data section is checked even if there are chunks. Unless all of them are opened, it
-    /// cannot be.
+    /// Checks the CRC of the data section even if there are chunks. This is possible only if all of them are opened.
     pub fn verifying(mut self) -> Self {
         self.data_crc.demanded = true;
         self
     }
 
-    /// Goes on behind the next `length` bytes of the data section.
+    /// Skips the next `length` bytes of the data section.
     pub(super) fn consume(&mut self, length: u64) {
         if self.data_crc.state.is_some() {
             let bytes = usize::try_from(length).ok().and_then(|length| self.horizon.buffered().get(..length));
@@ -21,7 +20,7 @@ impl Scan {
         self.horizon.skip(length);
     }
 
-    /// Goes on behind a chunk that was opened elsewhere.
+    /// Continues after a chunk that was opened elsewhere.
     pub(super) fn pass_opened(&mut self, frame: Frame, opened: Opened) {
         let mut data_crc = std::mem::take(&mut self.data_crc);
         let length = frame.length.to_le_bytes();
@@ -33,7 +32,7 @@ impl Scan {
         self.spent = Some(opened);
     }
 
-    /// Checks the CRC in the DataEnd record. Where something is damaged, it does not hold anyway.
+    /// Checks the CRC in the DataEnd record. Skipped if damage was found, since the CRC is wrong then anyway.
     pub(super) fn check_data_crc(&mut self, frame: Frame, stored: u32) {
         let computed = self.data_crc.value().filter(|_| stored != 0 && self.inventory.damage == 0);
         if computed.is_some_and(|computed| computed != stored) {

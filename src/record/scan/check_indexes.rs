@@ -1,5 +1,4 @@
-//! What stands behind a chunk: each message index is held against the chunk, and where one is damaged or missing, the
-//! chunk is looked at again.
+//! Check of the message indexes that follow a chunk. Where one is damaged or missing, the chunk is opened again.
 
 use std::collections::BTreeMap;
 
@@ -28,7 +27,7 @@ impl Scan {
                     *span = span.iter().chain(&times).copied().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
                     self.inventory.count_unread(channel, count, times);
                 }
-                // Readers take all indexes of a chunk in one piece, so that those behind a wrong one are not named.
+                // Readers read all indexes of a chunk in one piece, so those after a wrong one are not listed.
                 let behind = index.offset.saturating_add(index.length).saturating_add(index.message_indexes_length);
                 if frame.offset == behind {
                     index.message_indexes.insert(channel, frame.offset);
@@ -47,7 +46,7 @@ impl Scan {
         Ok(())
     }
 
-    /// Whether what looks like something else is a message index, of which the opcode alone is damaged.
+    /// Whether this record is a message index of which only the opcode is damaged.
     pub(super) fn is_index_in_disguise(&self, frame: Frame) -> Result<bool, Stop> {
         let Some(chunk) = &self.indexes.chunk else { return Ok(false) };
         if frame.opcode == op::MESSAGE_INDEX || !(6..=self.limits.record).contains(&frame.length) {
@@ -59,8 +58,9 @@ impl Scan {
         }
     }
 
-    /// All message indexes of the last chunk have been seen, and this record follows, if it is known. Whether the chunk
-    /// must be looked at again before going on: behind damaged or missing indexes, or a recording's end.
+    /// Closes the last chunk, all of whose message indexes have been seen. `next` is the record that follows, if known.
+    /// Returns whether the chunk must be opened again first, because indexes are damaged or missing, or the recording
+    /// ends there.
     pub(super) fn close_chunk(&mut self, next: Option<Frame>) -> bool {
         let Some(OpenChunk { mut index, tallies, span, followed }) = self.indexes.chunk.take() else { return false };
         (index.start_time, index.end_time) = span.unwrap_or((index.start_time, index.end_time));
@@ -96,12 +96,12 @@ impl Scan {
     }
 }
 
-/// Whether a record of this opcode stands behind a chunk where a recorder writes no message indexes.
+/// Whether a record of this opcode can follow a chunk where a recorder writes no message indexes.
 fn is_usual_behind_chunk(opcode: u8) -> bool {
     matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END)
 }
 
-/// How many messages a message index names, and their first and last log time.
+/// Number of messages in a message index, and their first and last log time.
 fn extent(body: &[u8]) -> (u64, Option<(u64, u64)>) {
     let entries = parse_message_index(body).map(|(_, entries)| entries);
     entries.into_iter().flatten().fold((0, None), |(count, span), (time, _)| {

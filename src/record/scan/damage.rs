@@ -1,5 +1,5 @@
-//! What is wrong with a recording, and what becomes of the scan then: it goes on behind a record whose framing is sound,
-//! [searches](super::resync) where it is not, or ends.
+//! Reaction of the scan to damage: it continues after a record whose framing is sound, [searches](super::resync) where
+//! the framing is lost, or ends.
 
 use mcap::MAGIC;
 
@@ -11,7 +11,7 @@ use crate::record::shape::Measure;
 use crate::record::wire::{FRAME, op};
 
 impl Scan {
-    /// A record runs past the end of the recording: it was cut off, or its length is corrupt.
+    /// Handles a record that runs past the end of the recording: it was cut off, or its length is corrupt.
     pub(super) fn cut(&mut self, claimed: u64) -> Result<(), Stop> {
         let Ok(head) = self.horizon.peek(FRAME) else {
             self.end("the recording ends in the midst of a record: it was cut off");
@@ -23,7 +23,7 @@ impl Scan {
         let left = self.horizon.extent().length - frame.offset - FRAME as u64;
         match (frame.opcode, content) {
             (op::CHUNK, _) if claimed == u64::MAX => self.end("the recording ends in a chunk that was never closed"),
-            // Both lengths agree, and what is left of the record is none of our business.
+            // Both lengths agree, so the record was merely cut off.
             (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
             (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
             (opcode, content) => return self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
@@ -42,13 +42,13 @@ impl Scan {
         self.queue.push_back(Step::Damage(Damage { offset, length, what }));
     }
 
-    /// A record is damaged, but its framing is sound.
+    /// Rejects a damaged record whose framing is sound.
     pub(super) fn reject(&mut self, frame: Frame, what: impl Into<String>) {
         self.inventory.lose(frame.offset..frame.end());
         self.damage(frame.offset, frame.end() - frame.offset, what);
     }
 
-    /// Nothing can be read from here on.
+    /// Ends the scan, since nothing can be read from here on.
     pub(super) fn end(&mut self, what: impl Into<String>) {
         if self.close_chunk(None) {
             return;

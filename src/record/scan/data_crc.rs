@@ -1,14 +1,14 @@
-//! The CRC over all of the data section, which covers what no record's own CRC does. It costs as much as reading, so
-//! that it is computed only of recordings without chunks, all of which is read anyway, or on demand.
+//! CRC of the whole data section, which covers bytes that no record's own CRC covers. It costs as much as reading, so
+//! it is computed only on demand, or for recordings without chunks, which are read completely anyway.
 
 use crc32fast::Hasher;
 
-/// Of everything from the first byte on.
+/// CRC of everything from the first byte on.
 #[derive(Default)]
 pub(super) struct DataCrc {
-    /// Whether it is computed whatever the recording holds.
+    /// Whether it is computed in recordings with chunks, too.
     pub(super) demanded: bool,
-    /// `None` once something was passed unseen.
+    /// State of the computation; `None` once bytes were skipped unseen.
     pub(super) state: Option<Hasher>,
 }
 
@@ -20,12 +20,12 @@ impl DataCrc {
         }
     }
 
-    /// From the beginning.
+    /// Starts at the beginning of the recording.
     pub(super) fn begin(&mut self) {
         self.state = Some(Hasher::new());
     }
 
-    /// From where another one stood.
+    /// Resumes from the state of another computation.
     pub(super) fn resume(state: Option<u32>) -> Self {
         Self { demanded: false, state: state.map(Hasher::new_with_initial) }
     }
@@ -34,7 +34,7 @@ impl DataCrc {
         self.state.clone().map(Hasher::finalize)
     }
 
-    /// A chunk begins.
+    /// Gives up at a chunk, unless demanded.
     pub(super) fn chunk(&mut self) {
         if !self.demanded {
             self.state = None;

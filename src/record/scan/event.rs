@@ -1,4 +1,4 @@
-//! What a scan tells. Finding it is left to [`Scan`](super::Scan).
+//! Events of a scan. [`Scan`](super::Scan) finds them.
 
 use std::fmt;
 
@@ -6,55 +6,55 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::{Channel, Message, Schema};
 
-/// What a [`Scan`](super::Scan) has to tell.
+/// Event of a [`Scan`](super::Scan).
 #[derive(Debug)]
 pub enum Event<'a> {
     /// At least `length` bytes are needed from byte `offset` of the recording on: [`insert`](super::Scan::insert) them.
     Read {
-        /// Where they stand.
+        /// Offset of the first byte.
         offset: u64,
-        /// How many are needed at least.
+        /// Least number of bytes.
         length: usize,
     },
-    /// A chunk record begins here: say what becomes of it with [`supply`](super::Scan::supply).
+    /// A chunk record begins here: answer with [`supply`](super::Scan::supply).
     Chunk {
-        /// Where it stands.
+        /// Offset of the record.
         offset: u64,
-        /// Length of its body.
+        /// Length of its body, in bytes.
         length: u64,
     },
-    /// Everything whole has been told. Go on after [`extend`](super::Scan::extend)
-    /// or [`finish`](super::Scan::finish).
+    /// All whole records have been emitted. Continue after [`extend`](super::Scan::extend) or
+    /// [`finish`](super::Scan::finish).
     Wait,
     /// The header of the recording.
     Header {
-        /// Conventions that it follows, `ros2` for instance.
+        /// Profile: the conventions that it follows, `ros2` for instance.
         profile: &'a str,
-        /// The program that wrote it.
+        /// Program that wrote the recording.
         library: &'a str,
     },
-    /// A schema, the first time.
+    /// A schema, at its first definition.
     Schema(&'a Schema),
-    /// A channel, the first time; before its messages, except for those that only the summary knows.
+    /// A channel, at its first definition; before its messages, unless only the summary defines it.
     Channel(&'a Channel),
     /// A message.
     Message(Message<'a>),
-    /// The chunk of the messages just told has ended. A message outside a chunk counts as one.
+    /// End of the chunk whose messages were just emitted. A message outside chunks counts as a chunk.
     ChunkEnd,
-    /// Something is not as it should be. What is whole is told all the same.
+    /// Damage. Whole records are emitted nevertheless.
     Damage(Damage),
-    /// Nothing follows.
+    /// End of the recording.
     End,
 }
 
-/// Something that is wrong with a recording.
+/// Damage in a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Damage {
-    /// Byte in the recording.
+    /// Offset in the recording.
     pub offset: u64,
-    /// So many bytes from there on are not used.
+    /// Number of bytes from there on that are not used.
     pub length: u64,
-    /// What was found there, in words.
+    /// Description in words.
     pub what: String,
 }
 

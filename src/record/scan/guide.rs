@@ -1,5 +1,5 @@
-//! What the summary section says, asked before its time: when the framing is lost, or a message's channel is not known.
-//! The section itself is read in its turn, by [`read_summary`](super::read_summary).
+//! Content of the summary section, read ahead of time: when the framing is lost, or a message's channel is unknown. In
+//! its turn, the section is read by [`read_summary`](super::read_summary).
 
 use crc32fast::Hasher;
 use mcap::MAGIC;
@@ -11,14 +11,14 @@ use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use crate::record::wire::{DATA_END, FRAME, op};
 use crate::record::{Channel, Schema};
 
-/// Where whole records are. Empty if the recording has no summary that holds.
+/// Places of whole records. Empty if the recording has no valid summary.
 #[derive(Debug, Default)]
 pub(super) struct Guide {
-    /// In order of the file, none within another.
+    /// Landmarks in file order, none within another.
     landmarks: Vec<Landmark>,
-    /// Whether it names the chunks, so that there is nothing to look for between its landmarks.
+    /// Whether the chunks are among them, so that there is nothing to search between landmarks.
     pub(super) indexed: bool,
-    /// Where the data section ends.
+    /// Offset of the end of the data section.
     data_end: Option<u64>,
 }
 
@@ -26,25 +26,25 @@ pub(super) struct Guide {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Landmark {
     pub(super) offset: u64,
-    /// Of the whole record.
+    /// Length of the whole record, in bytes.
     pub(super) length: u64,
     pub(super) opcode: u8,
 }
 
 impl Guide {
-    /// The landmark that `offset` lies in or in front of.
+    /// Landmark that contains `offset`, or else the next one after it.
     pub(super) fn at_or_behind(&self, offset: u64) -> Option<Landmark> {
         self.landmarks
             .get(self.landmarks.partition_point(|mark| mark.offset.saturating_add(mark.length) <= offset))
             .copied()
     }
 
-    /// The first landmark that begins behind `offset`.
+    /// First landmark that begins after `offset`.
     pub(super) fn behind(&self, offset: u64) -> Option<Landmark> {
         self.landmarks.get(self.landmarks.partition_point(|mark| mark.offset <= offset)).copied()
     }
 
-    /// Whether a place lies in the summary section.
+    /// Whether an offset lies in the summary section.
     pub(super) fn is_behind_data(&self, offset: u64) -> bool {
         self.data_end.is_some_and(|end| offset >= end)
     }
@@ -63,15 +63,15 @@ impl Guide {
     }
 }
 
-/// The summary, while it is read.
+/// Summary that is being read.
 pub(super) struct Asking {
-    /// Where to go on afterwards.
+    /// Offset at which to continue afterwards.
     pub(super) back: u64,
-    /// Once it has been seen.
+    /// Footer, once it was read.
     footer: Option<Footer>,
     crc: Hasher,
     guide: Guide,
-    /// What the records below take, in bytes.
+    /// Memory of the records below, in bytes.
     kept: u64,
     schemas: Vec<Schema>,
     channels: Vec<Channel>,
@@ -84,7 +84,7 @@ impl Asking {
         Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels, limits }
     }
 
-    /// Reads on; whether all of the section is in order.
+    /// Reads on. Returns whether the whole section is in order.
     pub(super) fn read(&mut self, horizon: &mut Horizon) -> Result<bool, Stop> {
         let length = horizon.extent().length;
         let Footer { section, crc: stored, .. } = match &self.footer {

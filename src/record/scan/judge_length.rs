@@ -1,5 +1,5 @@
-//! Where a record ends. Its length may be corrupt, so it is held against what the record's content says and against
-//! what follows: one that ends elsewhere would swallow whole records behind it.
+//! Judgement on a record's length, which may be corrupt: it is compared with what the record's content implies and with
+//! what follows. A wrong length could swallow whole records.
 
 use mcap::MAGIC;
 
@@ -26,14 +26,14 @@ impl Scan {
         let content = self.measured(frame, frame.length)?;
         match content {
             Measure::Says(length) if length == frame.length => return Ok(Bounds::Sound),
-            // Too long to look behind it from here.
+            // Too long to look beyond it from here.
             Measure::Silent if fits(frame.opcode, frame.length) && frame.length > LOOK => {
                 return Ok(Bounds::Lost(Search::behind(frame, content)));
             }
             _ => {}
         }
         let ends = |length| end(frame.offset, length);
-        // A record may be longer than its content, but hardly so that records stand where the content ends.
+        // A record may be longer than its content, but hardly if more records follow where the content ends.
         if let Measure::Says(length) = content
             && length < frame.length
             && self.chain_at(ends(length))?
@@ -67,7 +67,8 @@ impl Scan {
         }
     }
 
-    /// A message says nothing of its length, but those before it on its channel do, if all of them had the same.
+    /// Judges a message. Its content does not imply its length, but earlier messages of its channel do if all had the
+    /// same.
     fn message_bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
         let channel = Fields(self.horizon.body(frame, 2)?).u16().unwrap_or_default();
         let is_usual = self.sync.lengths.get(&channel) == Some(&Some(frame.length));
@@ -77,11 +78,12 @@ impl Scan {
         if is_usual && frame.length > LOOK {
             return Ok(Bounds::Sound);
         }
-        // Behind the fields that every message has.
+        // Search after the fields that every message has.
         self.unless_swallowing(frame, 22)
     }
 
-    /// A record whose content says nothing of its length is sound, unless whole records stand in it that reach its end.
+    /// Judges a record whose content does not imply its length: sound, unless it contains whole records that reach its
+    /// end.
     fn unless_swallowing(&self, frame: Frame, from: usize) -> Result<Bounds, Stop> {
         if self.is_ours(frame) {
             return Ok(Bounds::Sound);
@@ -104,7 +106,7 @@ impl Scan {
         })
     }
 
-    /// Whether a record that seems to stand in another one is likely to be one.
+    /// Whether an apparent record inside another one is likely to be real.
     fn may_be_swallowed(&self, opcode: u8, body: &[u8]) -> bool {
         let mut fields = Fields(body);
         match opcode {
@@ -120,11 +122,11 @@ impl Scan {
         }
     }
 
-    /// What a record's content says about its length, if no more than `most` bytes of it tell.
+    /// Length that a record's content implies, by at most `most` bytes of it.
     pub(super) fn measured(&self, frame: Frame, most: u64) -> Result<Measure, Stop> {
         let left = self.horizon.extent().length.saturating_sub(frame.offset + FRAME as u64);
         let most = most.min(REACH);
-        // In a recording that grows, what is not there yet may still come.
+        // In a growing recording, missing bytes may still arrive.
         let most = if self.horizon.extent().finished { most.min(left) } else { most };
         let mut seen = most.min(64);
         loop {
@@ -136,14 +138,15 @@ impl Scan {
         }
     }
 
-    /// Whether a record begins there, or the recording ends. What is too far away to look at is taken for none.
+    /// Whether a record begins at `offset`, or the recording ends there. False if it is too far away to look at.
     pub(super) fn begins_at(&self, offset: u64) -> Result<bool, Stop> {
         Ok(self.look(offset)?.is_some_and(begins))
     }
 
-    /// Whether a record begins there, and behind it another one, or the recording ends. A shifted look at a record's head
-    /// may pass for one, but not for two; unless it begins in the head of a chunk, where the length of what is compressed
-    /// leads to the chunk's end, behind the last letter of how: so the first must not have an opcode that nobody has.
+    /// Whether a record begins at `offset`, followed by another one or by the end of the recording. A misaligned head
+    /// may look like one record, but not like two. One exception: the last letter of a chunk's compression name and the
+    /// compressed size after it look like a record that leads to the chunk's end. So the first opcode must not be an
+    /// unassigned one.
     pub(super) fn chain_at(&self, offset: u64) -> Result<bool, Stop> {
         let first = self.look(offset)?;
         let Some((opcode, length)) = first.and_then(head) else { return Ok(first.is_some_and(<[u8]>::is_empty)) };
@@ -157,13 +160,13 @@ impl Scan {
         Ok(second.is_some_and(begins))
     }
 
-    /// The same, but the end of the recording may have cut the next record off.
+    /// Like [`chain_at`](Self::chain_at), but the next record may be cut off by the end of the recording.
     pub(super) fn goes_on_at(&self, offset: u64) -> Result<bool, Stop> {
         Ok(self.chain_at(offset)? || self.is_cut_off_at(offset)?)
     }
 
-    /// Whether a record begins there that runs past the end of the recording, and whose content says the same, if that is
-    /// still there.
+    /// Whether a record begins at `offset` that runs past the end of the recording. Its content must imply the same, as
+    /// far as it is there.
     fn is_cut_off_at(&self, offset: u64) -> Result<bool, Stop> {
         let extent = self.horizon.extent();
         if !extent.finished {
@@ -180,7 +183,7 @@ impl Scan {
         Ok(agrees && fits(opcode, length) && end(offset, length) > extent.length)
     }
 
-    /// The first bytes of what may be a record there; fewer at the end of the recording.
+    /// First bytes of a possible record at `offset`; fewer at the end of the recording, `None` if it is out of reach.
     pub(super) fn look(&self, offset: u64) -> Result<Option<&[u8]>, Stop> {
         self.look_at(offset, FRAME)
     }
@@ -197,7 +200,7 @@ impl Scan {
     }
 }
 
-/// Whether a record has the content of a chunk, so that what stands in it was never swallowed: its opcode is wrong.
+/// Whether a record has the content of a chunk: then only its opcode is wrong, and it swallowed nothing.
 fn is_chunk_in_disguise(body: &[u8]) -> bool {
     measure(op::CHUNK, body) == Measure::Says(body.len() as u64)
         && ChunkHeader::parse(&mut Fields(body)).is_some_and(|header| knows(header.compression))

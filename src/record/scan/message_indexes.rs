@@ -1,5 +1,5 @@
-//! Message-index check: the chunk whose indexes may follow, and what they must say. Indexing its messages anew is left
-//! to [`Reindexed`](crate::record::reindex::Reindexed).
+//! Message-index check: the chunk whose indexes may follow, and their expected content. Indexing its messages anew is
+//! left to [`Reindexed`](crate::record::reindex::Reindexed).
 
 use std::collections::BTreeMap;
 
@@ -10,12 +10,12 @@ use crate::record::shape::{Measure, measure};
 use crate::record::survey::Tally;
 use crate::record::wire::op;
 
-/// What is known of the message indexes that follow.
+/// State of the message-index check.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct IndexCheck {
-    /// The chunk whose message indexes are being collected.
+    /// Chunk whose message indexes are being collected.
     pub(super) chunk: Option<OpenChunk>,
-    /// Message indexes that follow belong to a chunk that does not count.
+    /// Whether message indexes that follow belong to a rejected chunk.
     pub(super) orphans: bool,
 }
 
@@ -23,17 +23,17 @@ pub(super) struct IndexCheck {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct OpenChunk {
     pub(super) index: ChunkIndex,
-    /// Its messages, by channel; `None` of a chunk that is not read.
+    /// Its messages, by channel; `None` for a chunk that is not read.
     pub(super) tallies: Option<BTreeMap<u16, Tally>>,
-    /// First and last log time by the indexes of a chunk that is not read.
+    /// First and last log time, in nanoseconds, by the indexes of a chunk that is not read.
     pub(super) span: Option<(u64, u64)>,
-    /// Whether something that may have been a message index stood behind it, in order or not.
+    /// Whether a possible message index followed it, valid or not.
     pub(super) followed: bool,
 }
 
 impl OpenChunk {
-    /// The channel that a message index is about, if what it says of its messages is true. Of a chunk that is not read,
-    /// it is believed.
+    /// Channel of a message index, if the index agrees with the chunk's messages. For a chunk that is not read, any
+    /// index is accepted.
     pub(super) fn agrees(&self, body: &[u8]) -> Option<u16> {
         let (channel, entries) = parse_message_index(body)?;
         let Some(tallies) = &self.tallies else { return Some(channel) };
@@ -42,7 +42,7 @@ impl OpenChunk {
         (tallies.get(&channel).copied().unwrap_or_default() == told).then_some(channel)
     }
 
-    /// Whether a record has no other content than the index of some of its messages.
+    /// Whether the content of a record is exactly an index of messages in this chunk.
     pub(super) fn is_indexed_by(&self, body: &[u8]) -> bool {
         measure(op::MESSAGE_INDEX, body) == Measure::Says(body.len() as u64)
             && self
@@ -55,7 +55,7 @@ impl OpenChunk {
 /// A chunk to be opened again.
 pub(super) struct ChunkReindexing {
     pub(super) chunk: ChunkIndex,
-    /// Where to go on afterwards.
+    /// Offset at which to continue afterwards.
     pub(super) back: u64,
 }
 

@@ -1,6 +1,6 @@
-//! The original inside an annotated recording, scanned as if it stood alone: what its records are taken for must not
-//! depend on what was written behind them. A record that was cut off would swallow that, otherwise.
-//! Who wrote a file is told by [`own`](crate::record::own) with more care.
+//! The original inside an annotated recording, scanned as if it stood alone: the meaning of its records must not depend
+//! on what was written after them. Otherwise a record that was cut off would swallow the annotations.
+//! [`own`](crate::record::own) determines more carefully who wrote a file.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,30 +13,30 @@ use crate::record::marks::{COMPLETED, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use crate::record::records::{AttachmentIndex, MetadataIndex, parse_metadata};
 use crate::record::wire::{DATA_END, FRAME, Fields, op};
 
-/// Most bytes of a group of indexes, or of a metadata record, that are looked through (1 MiB).
+/// Longest group of indexes, or metadata record, that is read, in bytes (1 MiB).
 const LIMIT: u64 = 1 << 20;
-/// The same of the offsets of such groups: of each opcode there is one.
+/// Longest sequence of the offsets of such groups, in bytes: one for each opcode.
 const OFFSETS: u64 = 256 * (FRAME as u64 + 17);
 
-/// What stands where in an annotated recording.
+/// Layout of an annotated recording.
 #[derive(Clone, Debug)]
 pub(super) struct Ours {
-    /// Whether the original is being scanned: offsets are those in it, then.
+    /// Whether the original is being scanned. If so, offsets refer to the original.
     pub(super) within: bool,
-    /// Of the original, what stands in its own place.
+    /// Length of the original's prefix, which is at its own place, in bytes.
     pub(super) prefix: u64,
-    /// Where the rest of it is kept.
+    /// Range of the file that keeps the rest of the original.
     pub(super) tail: Range<u64>,
-    /// The last whole record of the original ends here.
+    /// Offset in the original of the end of its last whole record.
     pub(super) whole: u64,
-    /// Once more what is whole in that rest.
+    /// Range of the file that repeats the whole records of that rest, after definitions that they need.
     pub(super) recovered: Range<u64>,
-    /// Of the file, which may still be said to grow.
+    /// Extent of the file, which may still be reported to grow.
     pub(super) extent: Extent,
 }
 
 impl Ours {
-    /// Length of the original.
+    /// Length of the original, in bytes.
     pub(super) fn original(&self) -> u64 {
         self.prefix + (self.tail.end - self.tail.start)
     }
@@ -73,21 +73,21 @@ impl Ours {
     }
 }
 
-/// The end of the recording, while it is looked through for traces of ours.
+/// Search for traces of Stillpoint at the end of the recording.
 #[derive(Default)]
 pub(super) struct Recognising {
-    /// Where to go on afterwards.
+    /// Offset at which to continue afterwards.
     pub(super) back: u64,
-    /// Where the data section and the groups of the summary end, once the footer has been seen.
+    /// Offsets of the ends of the data section and of the summary's groups, once the footer was read.
     pub(super) ends: Option<(u64, u64)>,
-    /// The groups of attachment and metadata indexes, once their offsets have been seen.
+    /// Ranges of the attachment and metadata indexes, once their offsets were read.
     pub(super) groups: Option<[Range<u64>; 2]>,
     pub(super) kept: Option<AttachmentIndex>,
     pub(super) metadata: Option<MetadataIndex>,
 }
 
 impl Recognising {
-    /// Reads on; `None` in the end if it is not ours.
+    /// Reads on; `None` in the end if Stillpoint did not write it.
     pub(super) fn read(&mut self, horizon: &mut Horizon) -> Result<Option<Ours>, Stop> {
         let length = horizon.extent().length;
         let Some(footer) = length.checked_sub(CLOSING as u64) else { return Ok(None) };
@@ -150,7 +150,7 @@ impl Recognising {
     }
 }
 
-/// The bytes in a range of the file.
+/// Bytes in a range of the file.
 fn bytes(horizon: &mut Horizon, range: Range<u64>) -> Result<&[u8], Stop> {
     horizon.seek(range.start);
     horizon.peek((range.end - range.start) as usize)

@@ -1,4 +1,4 @@
-//! Where a scan stands between two records, saved and taken up again.
+//! Position of a scan between two records, to be saved and resumed.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::message_indexes::IndexCheck;
 use super::search::Synchronisation;
 use crate::record::Inventory;
 
-/// Where a scan stands between two records in front of the summary, to be taken up again.
+/// Position of a scan between two records before the summary, to be resumed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Position {
     pub(super) offset: u64,
@@ -17,7 +17,7 @@ pub struct Position {
 }
 
 impl Position {
-    /// The profile that the recording's header states.
+    /// Profile in the recording's header.
     pub fn profile(&self) -> &str {
         self.inventory.profile()
     }

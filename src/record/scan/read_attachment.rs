@@ -1,4 +1,4 @@
-//! Attachments, as they are read.
+//! Attachment records of the data section.
 
 use crc32fast::Hasher;
 
@@ -32,7 +32,7 @@ impl Scan {
         Ok(())
     }
 
-    /// All of an attachment has been seen.
+    /// Checks the CRC of an attachment, all of which has been seen.
     pub(super) fn attached(&mut self) {
         let Stage::Attaching(Attaching { frame, index, crc, .. }) = std::mem::take(&mut self.stage) else { return };
         let stored = Fields(self.horizon.buffered()).u32().unwrap_or_default();

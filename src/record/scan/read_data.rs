@@ -1,5 +1,5 @@
-//! The records in front of DataEnd. What stands behind a chunk is left to [`check_indexes`](super::check_indexes),
-//! attachments to [`read_attachment`](super::read_attachment).
+//! Records before DataEnd. What follows a chunk is left to [`check_indexes`](super::check_indexes), attachments to
+//! [`read_attachment`](super::read_attachment).
 
 use std::collections::BTreeSet;
 
@@ -15,10 +15,10 @@ use crate::record::records::{ChunkHeader, ChunkIndex, Header, MetadataIndex, par
 use crate::record::survey::Survey;
 use crate::record::wire::{FRAME, Fields, op};
 
-/// How far the log time of a message outside the chunks may lie from theirs, in nanoseconds (a day).
+/// Largest plausible distance of a log time from those already seen, in nanoseconds (one day).
 const DAY: u64 = 86_400_000_000_000;
 
-/// As much as is read of the head of a chunk that is passed over, in bytes.
+/// Number of bytes read of the head of a skipped chunk.
 const SHORT_HEAD: u64 = 128;
 
 impl Scan {
@@ -57,7 +57,7 @@ impl Scan {
                 self.summary.begun = true;
                 return self.summary_record(frame);
             }
-            // Records of private opcodes are none of our business.
+            // Records of private opcodes are skipped.
             0x80.. => {}
             op::CHUNK_INDEX | op::ATTACHMENT_INDEX | op::STATISTICS | op::METADATA_INDEX | op::SUMMARY_OFFSET => {
                 return self.stray_record(frame);
@@ -68,7 +68,7 @@ impl Scan {
         Ok(())
     }
 
-    /// A record that belongs into the summary: the end of the data is damaged, unless it is the record itself.
+    /// Handles a record that belongs to the summary: either the DataEnd record is damaged, or the record itself is.
     fn stray_record(&mut self, frame: Frame) -> Result<(), Stop> {
         match &self.guide {
             None => self.ask(),
@@ -97,7 +97,7 @@ impl Scan {
         Ok(())
     }
 
-    /// A schema, channel or message outside a chunk is treated as a chunk of one record.
+    /// Treats a schema, channel or message outside chunks as a chunk of one record.
     fn loose_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let size = FRAME + frame.length as usize;
         let whole = self.horizon.peek(size)?;
@@ -137,8 +137,8 @@ impl Scan {
         Ok(())
     }
 
-    /// Whether a message outside the chunks is one. Beside chunks there rarely are any, so that it is more likely to be
-    /// another record whose opcode is damaged, unless it is like the messages in the chunks.
+    /// Whether a message outside chunks is plausible. In a recording with chunks it is more likely another record with
+    /// a damaged opcode, unless it resembles the messages in the chunks.
     fn is_credible_message(&self, message: &Message<'_>) -> bool {
         let known = self.inventory.channels().contains_key(&message.channel);
         match self.has_chunks() && self.inventory.span().is_some() {
@@ -147,18 +147,18 @@ impl Scan {
         }
     }
 
-    /// Whether a log time lies near those that were seen.
+    /// Whether a log time is near those already seen.
     pub(super) fn is_of_the_time(&self, log_time: u64) -> bool {
         let near = |(from, until): (u64, u64)| from.saturating_sub(DAY)..=until.saturating_add(DAY);
         self.inventory.span().is_some_and(|span| near(span).contains(&log_time))
     }
 
-    /// Whether messages stand in chunks.
+    /// Whether the recording has chunks.
     pub(super) fn has_chunks(&self) -> bool {
         self.inventory.has_chunks() || self.guide.as_ref().is_some_and(|guide| guide.indexed)
     }
 
-    /// Whether there are messages of channels that neither these records nor those before them define.
+    /// Whether there are messages on channels that neither these records nor earlier ones define.
     fn is_at_a_loss(&self, survey: &Survey) -> bool {
         let channels = self.inventory.channels();
         let mut new = survey.tallies.keys().filter(|id| !channels.contains_key(id)).peekable();
@@ -180,10 +180,10 @@ impl Scan {
             Some(Supply::Opened(opened)) if opened.length() == frame.length => Some(opened.body()),
             _ => None,
         };
-        // The head of one that is not read is short, whatever its compression is called.
+        // Less is read of a skipped chunk, however long the name of its compression.
         let most = if matches!(supply, Some(Supply::Unread)) { SHORT_HEAD } else { HEAD };
         let head = supplied.map_or_else(|| self.horizon.body(frame, most), Ok)?;
-        // Whoever opened it, and whether it is read at all: as many bytes count as it claims.
+        // The claimed size counts, whoever opened the chunk and whether or not it is read.
         let (size, refused) = match ChunkHeader::parse(&mut Fields(head)) {
             Some(header) => match self.limits.refuse_chunk(&header, self.inventory.opened, frame.end()) {
                 Ok(()) => (header.inflated(), None),
@@ -248,7 +248,7 @@ impl Scan {
         }))
     }
 
-    /// A chunk that is passed over: what is in it is what its message indexes say.
+    /// Skips a chunk. Its content is taken from its message indexes.
     fn unread_chunk(&mut self, frame: Frame) -> Result<(), Stop> {
         let head = self.horizon.body(frame, SHORT_HEAD)?;
         match locate(head, frame.length, &self.limits).map(|(header, _)| header.index()) {
@@ -266,7 +266,7 @@ impl Scan {
         Ok(())
     }
 
-    /// Notes what records in order define and hold.
+    /// Notes the definitions and messages of records that are in order.
     fn admit(&mut self, frame: Frame, survey: Survey) {
         self.inventory.count(&survey);
         for schema in survey.schemas {

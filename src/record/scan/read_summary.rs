@@ -1,4 +1,4 @@
-//! The records behind DataEnd, as they are read, and the end of the recording.
+//! Records after DataEnd, and the end of the recording.
 
 use mcap::MAGIC;
 
@@ -65,7 +65,7 @@ impl Scan {
         self.stage = Stage::EndMagic;
     }
 
-    /// Learns what only the summary says.
+    /// Learns what only the summary defines.
     pub(super) fn accept_summary(&mut self) {
         let SummarySection { schemas, channels, private, .. } = std::mem::take(&mut self.summary);
         self.summary.begun = true;
@@ -78,7 +78,7 @@ impl Scan {
         }
     }
 
-    /// Learns schemas and channels that only the summary knows. Those on which it contradicts the data are returned.
+    /// Learns schemas and channels that only the summary defines. Returns those on which it contradicts the data.
     pub(super) fn learn_from_summary(&mut self, schemas: Vec<Schema>, channels: Vec<Channel>) -> Vec<String> {
         let mut contradictions = Vec::new();
         for schema in schemas {
@@ -106,7 +106,7 @@ impl Scan {
         contradictions
     }
 
-    /// Bytes behind the closing magic, which no reader looks at.
+    /// Reports bytes after the closing magic, which no reader reads.
     fn behind_the_end(&mut self) -> Result<(), Stop> {
         let end = self.horizon.offset() + MAGIC.len() as u64;
         let left = self.horizon.extent().length.saturating_sub(end);

@@ -1,4 +1,4 @@
-//! An annotated recording recognised by its end, and the original in it scanned as if it stood alone.
+//! Recognition of an annotated recording by its end, to scan its original as if it stood alone.
 
 use super::original::{Ours, Recognising};
 use super::{Scan, Stage};
@@ -6,7 +6,7 @@ use crate::record::horizon::{Extent, Frame, Stop};
 use crate::record::wire::op;
 
 impl Scan {
-    /// Looks whether we annotated the recording, which its end tells, and comes back here.
+    /// Starts to look for traces of Stillpoint at the end of the recording, to return here afterwards.
     pub(super) fn look_at_end(&mut self) {
         self.recognised = self.horizon.extent().finished;
         let back = self.horizon.offset();
@@ -35,7 +35,7 @@ impl Scan {
         Ok(())
     }
 
-    /// Whether an original is being scanned in a file of this length. One that grows was no annotated recording.
+    /// Whether an original is being scanned in a file of this length. A file that grows is not an annotated recording.
     pub(super) fn is_still(&mut self, length: u64) -> bool {
         let Some(ours) = self.within().cloned() else { return false };
         if ours.extent.length != length {
@@ -46,17 +46,17 @@ impl Scan {
         ours.extent.length == length
     }
 
-    /// The file will not grow any more.
+    /// Notes that the file will not grow any more.
     pub(super) fn finish_ours(&mut self) {
         self.ours.iter_mut().for_each(|ours| ours.extent.finished = true);
     }
 
-    /// The original that is being scanned, if it stands inside an annotated recording.
+    /// Layout of the annotated recording whose original is being scanned, if any.
     fn within(&self) -> Option<&Ours> {
         self.ours.as_ref().filter(|ours| ours.within)
     }
 
-    /// Where a byte of what is being scanned stands in the file.
+    /// Offset in the file of a byte of what is being scanned.
     pub(super) fn place(&self, offset: u64) -> u64 {
         match self.within() {
             Some(ours) if offset >= ours.prefix => offset - ours.prefix + ours.tail.start,
@@ -64,7 +64,7 @@ impl Scan {
         }
     }
 
-    /// How many bytes from there on stand in one piece.
+    /// Number of contiguous bytes from an offset on.
     pub(super) fn room(&self, offset: u64) -> u64 {
         match self.within() {
             Some(ours) if offset < ours.prefix => ours.prefix - offset,
@@ -78,12 +78,13 @@ impl Scan {
         self.within().is_none_or(|ours| frame.end() <= ours.prefix)
     }
 
-    /// Whether we wrote a record behind the original.
+    /// Whether Stillpoint wrote this record after the original.
     pub(super) fn is_ours(&self, frame: Frame) -> bool {
         self.ours.as_ref().is_some_and(|ours| !ours.within && frame.offset >= ours.prefix)
     }
 
-    /// All that is whole in the original has been told: goes on with what stands behind its prefix.
+    /// Leaves the original after its last whole record, to continue after its prefix in the file. Returns whether it
+    /// changed the stage.
     pub(super) fn leaves_original(&mut self) -> bool {
         let Some(ours) = self.within().filter(|ours| self.horizon.offset() >= ours.whole).cloned() else {
             return false;
@@ -97,7 +98,7 @@ impl Scan {
         (self.guide, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
         self.inventory.prefix = ours.prefix;
         if !in_one_piece {
-            // For whoever takes the file for an original, nothing is lost, and the records are where they are kept.
+            // Seen as an original itself, the file lost nothing, and the records are in the kept tail.
             self.data_crc.update(None);
             self.inventory.lost.clear();
             let further = ours.tail.start - ours.prefix;
@@ -107,7 +108,8 @@ impl Scan {
         true
     }
 
-    /// Passes over a record that was told where it is kept; what it defines counts here, too.
+    /// Skips a copied record, which was already emitted at the place where it is kept, except for definitions. Returns
+    /// whether it skipped anything.
     pub(super) fn pass_told(&mut self, frame: Frame) -> bool {
         let told = self.ours.as_ref().filter(|ours| !ours.within && ours.recovered.contains(&frame.offset));
         let Some(end) = told.map(|ours| ours.recovered.end) else { return false };

@@ -1,11 +1,11 @@
-//! A scan taken up where another one stood.
+//! Resumption of a scan where another one stopped.
 
 use super::data_crc::DataCrc;
 use super::position::Position;
 use super::{Scan, Stage};
 
 impl Scan {
-    /// A scan of a recording that may grow, from where another one stood. Its length is 0 as with [`Scan::new`].
+    /// Scan of a recording that may grow, from the position of another scan. Its length is 0 as with [`Scan::new`].
     pub fn resume(position: Position) -> Self {
         let Position { offset, inventory, indexes, sync, data_crc } = position;
         let (stage, data_crc) = (Stage::Record, DataCrc::resume(data_crc));
@@ -14,8 +14,8 @@ impl Scan {
         scan
     }
 
-    /// Where it stands; `None` unless everything in front has been told, and the summary has not begun. An annotated
-    /// recording does not grow, so that there is nothing to take up.
+    /// Position to resume from; `None` unless everything before it was emitted and the summary has not begun. Always
+    /// `None` in an annotated recording, since that does not grow.
     pub fn position(&self) -> Option<Position> {
         let at_a_record = matches!(self.stage, Stage::Record) && self.queue.is_empty();
         let between = at_a_record && !self.summary.begun && self.ours.is_none();

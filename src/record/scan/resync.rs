@@ -1,5 +1,5 @@
-//! Resynchronisation: the next whole record is found where the summary's index says, or else at the first place where
-//! bytes look like a record and like another one behind it. Attachments are passed over, since one may hold records.
+//! Resynchronisation: the next whole record is where the summary's index says, or else at the first place where bytes
+//! look like a record that another one follows. Attachments are skipped, since one may contain records.
 
 use super::bounds::REACH;
 use super::search::{HEAD, Search};
@@ -13,7 +13,7 @@ use crate::record::wire::{DATA_END, FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 
 impl Scan {
-    /// The framing is lost. In a recording that still grows, nothing is read any more until it is finished.
+    /// Handles lost framing. A growing recording is not read any further until it is finished.
     pub(super) fn lose(&mut self, mut search: Search, opcode: u8) -> Result<(), Stop> {
         if !self.horizon.extent().finished {
             return Err(self.horizon.wait());
@@ -28,7 +28,7 @@ impl Scan {
         let length = self.horizon.extent().length;
         search.tries.retain(|&offset| offset <= length);
         if opcode == op::ATTACHMENT {
-            // Never inside, whatever it is that ends here.
+            // Never search inside an attachment, whatever ends here.
             search.from = search.tries.last().copied().unwrap_or(length);
         }
         self.stage = Stage::Searching(search);
@@ -43,7 +43,7 @@ impl Scan {
         };
         match found {
             Ok(found) => self.go_on(search, found),
-            // Here is nothing to wait for: the recording is finished.
+            // There is nothing to wait for, since the recording is finished.
             Err(stop @ Stop::Read { .. }) => {
                 self.stage = Stage::Searching(search);
                 return Err(stop);
@@ -76,7 +76,7 @@ impl Scan {
         }
     }
 
-    /// One of the places where the record may have ended.
+    /// First of the possible ends of the record that another record follows.
     fn tried(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
         while let Some(&offset) = search.tries.first() {
             self.horizon.seek(offset);
@@ -131,13 +131,13 @@ impl Scan {
         Ok(found)
     }
 
-    /// Whether a record with this opcode and this length, all in all, begins here.
+    /// Whether a record with this opcode and this total length begins here.
     fn stands(&self, opcode: u8, length: u64) -> Result<bool, Stop> {
         let found = self.horizon.peek(FRAME).map(head)?;
         Ok(found.is_some_and(|(found, body)| found == opcode && end(0, body) == length))
     }
 
-    /// The next place in front of `until` where a credible record begins. Without one, the horizon has come to `until`.
+    /// Offset of the next credible record before `until`. Without one, the horizon is at `until`.
     fn candidate(&mut self, until: u64) -> Result<Option<u64>, Stop> {
         while self.horizon.offset() < until {
             self.horizon.peek(FRAME)?;
@@ -166,7 +166,7 @@ impl Scan {
             Ok(_) | Err(Stop::Cut { .. }) => return Ok(false),
             Err(stop) => return Err(stop),
         };
-        // Where messages stand in chunks, one outside is more likely to stand in a chunk that lost its head.
+        // In a recording with chunks, a message outside is probably inside a chunk that lost its head.
         let loose = !self.has_chunks();
         match frame.opcode {
             op::MESSAGE => return Ok(loose && frame.length <= LOOK && self.chain_at(frame.end())?),
@@ -181,7 +181,7 @@ impl Scan {
         }
         match self.measured(frame, frame.length)? {
             Measure::Says(length) if length == frame.length => {}
-            // Fields that are not known may follow, if a record does.
+            // Unknown fields may follow if a record follows them.
             Measure::Says(length)
                 if length < frame.length && frame.length - length <= SPARE && self.chain_at(frame.end())? => {}
             _ => return Ok(false),
@@ -198,7 +198,7 @@ impl Scan {
             }),
             op::ATTACHMENT => AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some(),
             op::MESSAGE_INDEX => frame.length % 16 == 6 && self.begins_at(frame.end())?,
-            // First what costs little.
+            // Cheap check first.
             op::METADATA => self.begins_at(frame.end())? && parse_metadata(body).is_some(),
             op::SCHEMA => self.begins_at(frame.end())? && Schema::parse(body).is_some(),
             op::CHANNEL => self.begins_at(frame.end())? && Channel::parse(body).is_some(),
@@ -214,9 +214,10 @@ impl Scan {
         Ok(credible)
     }
 
-    /// Whether a DataEnd is one: it may be a message or a private record whose opcode is wrong, and then data follows.
+    /// Whether a DataEnd record is real. A message or private record with a wrong opcode may look like one; data
+    /// follows then.
     pub(super) fn is_end_of_data(&self, frame: Frame) -> Result<bool, Stop> {
-        /// Definitions that may begin a summary, or go on with the data, are looked behind up to here.
+        /// Most definitions skipped to find what follows, since they may belong to the summary or to the data.
         const DEFINITIONS: usize = 256;
         let is_usual = frame.length == DATA_END - FRAME as u64;
         let mut place = frame.end();
@@ -233,7 +234,7 @@ impl Scan {
         if !is_usual {
             return Ok(false);
         }
-        // Of the usual length, it is one unless data follows beyond doubt.
+        // A record of the usual length is real unless data follows beyond doubt.
         let data = |bytes: &[u8]| head(bytes).filter(|&(opcode, length)| is_data(opcode) && fits(opcode, length));
         let Some((_, length)) = behind.and_then(data) else { return Ok(true) };
         let next = self.look(end(frame.end(), length))?;
@@ -241,7 +242,7 @@ impl Scan {
     }
 }
 
-/// Whether a record of this opcode stands in the data and in the summary alike.
+/// Whether a record of this opcode occurs in both the data and the summary.
 fn is_definition(opcode: u8) -> bool {
     matches!(opcode, op::SCHEMA | op::CHANNEL)
 }
@@ -251,7 +252,7 @@ fn may_follow_data(opcode: u8) -> bool {
     opcode != 0 && opcode != op::HEADER && !is_data(opcode)
 }
 
-/// Whether a record of this opcode stands in front of the summary section and nowhere else.
+/// Whether a record of this opcode occurs before the summary section only.
 fn is_data(opcode: u8) -> bool {
     matches!(opcode, op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END)
 }

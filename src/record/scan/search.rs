@@ -1,4 +1,4 @@
-//! A search for the next whole record, after the framing was lost.
+//! Search for the next whole record after the framing was lost.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,26 +9,26 @@ use crate::record::horizon::Frame;
 use crate::record::shape::{Measure, end};
 use crate::record::wire::FRAME;
 
-/// Most bytes that the head of a chunk or attachment may take: times, sizes and two names.
+/// Longest head of a chunk or attachment, in bytes: times, sizes and two names.
 pub(super) const HEAD: u64 = 1 << 16;
 
-/// A search for the next whole record.
+/// Search for the next whole record.
 #[derive(Debug)]
 pub(super) struct Search {
-    /// Where the framing was lost.
+    /// Offset at which the framing was lost.
     pub(super) offset: u64,
     pub(super) what: String,
-    /// Where the record may have ended, in ascending order.
+    /// Offsets at which the record may have ended, in ascending order.
     pub(super) tries: Vec<u64>,
-    /// Where to search from if it did not, and how far that has come.
+    /// Start of the search if it ended at none of these, and the progress of that search.
     pub(super) from: u64,
     pub(super) at: u64,
-    /// If the next record begins here, the one where the framing seemed lost was sound.
+    /// Range in which the next record must begin if the record that seemed to have lost the framing was sound.
     pub(super) confirming: Range<u64>,
 }
 
 impl Search {
-    /// Of what follows a record whose end is not known; its content may have said something.
+    /// Search after a record whose end is unknown. `content` is what its content implies about its length.
     pub(super) fn behind(frame: Frame, content: Measure) -> Self {
         let mut tries = vec![frame.end()];
         if let Measure::Says(length) = content {
@@ -45,8 +45,8 @@ impl Search {
         }
     }
 
-    /// Of what follows a message behind which there is no record: either its length is wrong, and there are records
-    /// within it, or it is the next record that is damaged.
+    /// Search after a message that no record follows: either its length is wrong and it contains records, or the next
+    /// record is damaged.
     pub(super) fn doubting(frame: Frame) -> Self {
         Self {
             offset: frame.offset,
@@ -63,21 +63,21 @@ impl Search {
     }
 }
 
-/// What is known of the framing.
+/// State of the framing.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Synchronisation {
     /// Length of the messages outside chunks, by channel; `None` if it varies.
     pub(super) lengths: BTreeMap<u16, Option<u64>>,
-    /// Bytes of records that were looked through and are looked through again, since they had swallowed others. Where
-    /// they are many more than the recording has, no more are: they may have been laid one into another.
+    /// Bytes of records that are searched twice, since they had swallowed others. If they far exceed the recording, no
+    /// more are searched: records may be nested in one another.
     pub(super) looked: u64,
-    /// Where a record begins whose length is not to be doubted.
+    /// Offset of a record whose length is not to be doubted.
     pub(super) trusted: Option<u64>,
-    /// Bytes of what looked like records and were none. Where they are many more than the recording has, long ones are
-    /// not looked at any more: the same bytes may pass for the end of a record at every place in front of them.
+    /// Bytes of rejected candidates. If they far exceed the recording, long candidates are no longer checked: the same
+    /// bytes may look like the end of a record from every place before them.
     #[serde(skip)]
     pub(super) doubted: u64,
-    /// What the last search came to: from where, and what it found.
+    /// Start and result of the last search.
     #[serde(skip)]
     pub(super) found: Option<(u64, Option<u64>)>,
 }

@@ -1,15 +1,15 @@
-//! What the summary section says, kept until its CRC is known. What the data section says about itself is worth more.
+//! Content of the summary section, kept until its CRC is known. In a conflict, the data section is trusted more.
 
 use crc32fast::Hasher;
 
 use crate::record::{Channel, Schema};
 
-/// What the summary section says, kept until its CRC is known.
+/// Content of the summary section, kept until its CRC is known.
 #[derive(Default)]
 pub(super) struct SummarySection {
     /// Whether DataEnd has been passed.
     pub(super) begun: bool,
-    /// What the records below take, in bytes.
+    /// Memory of the records below, in bytes.
     pub(super) kept: u64,
     pub(super) crc: Hasher,
     pub(super) schemas: Vec<Schema>,

@@ -1,26 +1,26 @@
-//! Whole records within a record whose length is wrong: what it swallowed. A message outside chunks and a record of a
-//! private opcode do not say how long they are, so that nothing else tells.
+//! Whole records swallowed by a record whose length is wrong. Messages outside chunks and records of private opcodes do
+//! not imply their length, so there is no other evidence.
 
 use crate::record::horizon::Stop;
 use crate::record::shape::{Measure, end, fits, head, is_defined, measure};
 use crate::record::wire::{FRAME, op};
 
-/// Longest record that is looked through, in bytes (32 MiB).
+/// Longest record that is searched, in bytes (32 MiB).
 pub(super) const LOOK: u64 = 1 << 25;
 
-/// Where in a record's body, not in front of `from`, whole records begin that reach the body's end: one ends there, or
-/// beyond it where the next one `goes_on`, which is asked by offsets from the record's beginning. Bytes that happen to look
-/// like records are told from such by one that `is_credible`, or by two messages in a row.
+/// Offset in a record's body, not before `from`, of the first of whole records that reach the body's end: one ends
+/// there, or beyond it at an offset (from the record's beginning) where the next one `goes_on`. To exclude bytes that
+/// only look like records, one of them must be credible by `is_credible`, or two must be messages.
 ///
 /// # Errors
-/// If what stands beyond the body must be seen first.
+/// If bytes beyond the body must be read first.
 pub(super) fn swallowed(
     body: &[u8],
     from: usize,
     is_credible: impl Fn(u8, &[u8]) -> bool,
     goes_on: impl Fn(u64) -> Result<bool, Stop>,
 ) -> Result<Option<usize>, Stop> {
-    // Walks from one place lead over those that walks from others led over, so that there is work to be bounded.
+    // Walks from different starts cover the same bytes, so the work must be bounded.
     let mut steps = body.len() / 8;
     'starts: for start in starts(body).filter(|&start| start >= from) {
         let (mut at, mut messages, mut credible) = (start, 0, false);
@@ -41,7 +41,7 @@ pub(super) fn swallowed(
                 // It runs past the end.
                 None if opcode == op::MESSAGE || measure(opcode, content) == Measure::Says(length) => {
                     credible = credible || is_credible(opcode, content);
-                    // What is attached may be longer than can be looked beyond.
+                    // An attachment may be too long to look beyond it.
                     let is_long = opcode == op::ATTACHMENT && length > LOOK;
                     if !credible || !is_long && !goes_on(FRAME as u64 + until)? {
                         continue 'starts;
@@ -58,13 +58,13 @@ pub(super) fn swallowed(
     Ok(None)
 }
 
-/// Whether such a record may stand among others.
+/// Whether a record with this opcode and length may be among others.
 fn stands(opcode: u8, length: u64) -> bool {
     (is_defined(opcode) || opcode >= 0x80) && fits(opcode, length)
 }
 
-/// Where in some bytes records may begin, in order. The upper half of a length is zero (but of attachments of 4 GiB), so
-/// that only one byte in four need be looked at.
+/// Offsets at which records may begin, in order. The upper half of a length is zero (except for attachments of 4 GiB
+/// and more), so only every fourth byte need be checked.
 fn starts(body: &[u8]) -> impl Iterator<Item = usize> + '_ {
     let zeros = (FRAME - 1..body.len()).step_by(4).filter(|&at| body.get(at) == Some(&0));
     let near = zeros.flat_map(|at| at + 1 - FRAME..at + 5 - FRAME);

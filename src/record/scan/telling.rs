@@ -1,4 +1,4 @@
-//! Records in order, from which messages are told one by one.
+//! Emission of messages, one by one, from records that are in order.
 
 use std::ops::Range;
 
@@ -6,22 +6,22 @@ use crate::record::chunk::{Inflate, Opened, Place};
 use crate::record::horizon::{Frame, Horizon};
 use crate::record::wire::{Fields, op};
 
-/// Records in order, from which messages are told.
+/// Records in order, whose messages are being emitted.
 pub(super) struct Telling {
     pub(super) frame: Frame,
-    /// The bytes that hold the records, in front of the horizon or in `opened`.
+    /// Range of the bytes that hold the records, in the horizon or in `opened`.
     pub(super) data: Range<usize>,
     pub(super) place: Place,
-    /// The chunk, if somebody else opened it.
+    /// The chunk, if it was opened elsewhere.
     pub(super) opened: Option<Opened>,
-    /// The record that is being told, within the records.
+    /// Range of the current record within the records.
     pub(super) at: Range<usize>,
-    /// Whether the end of a chunk is to be told.
+    /// Whether the end of a chunk is to be emitted afterwards.
     pub(super) ends: bool,
 }
 
 impl Telling {
-    /// The records from which is told.
+    /// The records whose messages are being emitted.
     pub(super) fn records<'a>(&'a self, inflate: &'a Inflate, horizon: &'a Horizon) -> &'a [u8] {
         match &self.opened {
             Some(opened) => opened.records(self.place, &self.data),
@@ -29,7 +29,7 @@ impl Telling {
         }
     }
 
-    /// Goes on to the next message, if there is one.
+    /// Advances to the next message. Returns whether there is one.
     pub(super) fn advance(&mut self, inflate: &Inflate, horizon: &Horizon) -> bool {
         loop {
             let records = self.records(inflate, horizon);
