@@ -1,8 +1,8 @@
-//! What a sample is, and how the bytes of a message become one: the schema of a channel is compiled once to a flat
-//! plan, which walks its messages without building values. What the samples say is left to [`engine`](crate::engine).
+//! Samples, and how message bytes become samples: the schema of a channel is compiled once to a flat plan, which walks
+//! its messages without building values. The use of samples is left to [`engine`](crate::engine).
 //!
-//! [`Intake`] is the door: channels and messages go in, samples come out. Behind it are three rooms: `schema` (schema text
-//! to [`Layout`]), `decode` ([`Layout`] to numbers) and `mapping` (channels to IMUs).
+//! [`Intake`] is the entry point: channels and messages go in, samples come out. It uses three modules: `schema`
+//! (schema text to [`Layout`]), `decode` ([`Layout`] to numbers) and `mapping` (channels to IMUs).
 
 mod config;
 mod decode;

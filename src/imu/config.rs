@@ -1,4 +1,4 @@
-//! The `[[imu]]` tables of the configuration: which fields of which topics are an IMU.
+//! The `[[imu]]` tables of the configuration: the topics and fields that form an IMU.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -16,22 +16,22 @@ use crate::imu::schema::path::FieldPath;
 pub struct ImuConfig {
     /// Topic of the accelerometer, and of the gyroscope unless that names its own.
     pub topic: String,
-    /// Replaces the topic in the names of the annotation topics.
+    /// Name that replaces the topic in the names of the annotation topics.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// The specific force. KnownType types need none.
+    /// Specific force. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// The angular rate. KnownType types need none.
+    /// Angular rate. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
-    /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds` and `still`.
+    /// Sensor model: its datasheet replaces values in `fit.bounds` and `still` that are at their defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// What its messages' `covariance[0]` of −1, "not measured", counts for; unset, such values are refused.
+    /// Treatment of a `covariance[0]` of −1 ("not measured") in its messages. If unset, such values are refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceUse>,
-    /// What knows the true specific force and angular rate: a rate table, or motion capture.
+    /// Reference for the true specific force and angular rate: a rate table, or motion capture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Box<ReferenceConfig>>,
     /// Further accelerometers that move with this IMU.
@@ -43,12 +43,12 @@ pub struct ImuConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceConfig {
-    /// Its topic.
+    /// Topic of the reference.
     pub topic: String,
-    /// The true specific force. KnownType types need none.
+    /// True specific force. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// The true angular rate. KnownType types need none.
+    /// True angular rate. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
 }
@@ -57,54 +57,54 @@ pub struct ReferenceConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 pub struct SecondaryConfig {
-    /// What it is called in the annotations.
+    /// Name in the annotations.
     pub name: String,
-    /// Its topic; the IMU's if absent.
+    /// Topic; the IMU's if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Its specific force. KnownType types need none.
+    /// Specific force. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accel: Option<VectorConfig<AccelUnit>>,
-    /// Which measurement model it has.
+    /// Measurement model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<SecondaryModel>,
-    /// Which sensor it is: its datasheet replaces what stands at its default in `fit.bounds`.
+    /// Sensor model: its datasheet replaces values in `fit.bounds` that are at their defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
 }
 
-/// A measurement model of a secondary accelerometer.
+/// Measurement model of a secondary accelerometer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, DeserializeDerive)]
 #[serde(rename_all = "kebab-case")]
 pub enum SecondaryModel {
     /// Bias and diagonal sensitivity.
     #[default]
     BiasScale,
-    /// Bias and all of the sensitivity, whatever way it is mounted beside the primary one.
+    /// Bias and full sensitivity matrix, for any mounting relative to the primary one.
     CrossAxis,
 }
 
-/// Use of `covariance[0]`.
+/// Treatment of `covariance[0]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, DeserializeDerive)]
 #[serde(rename_all = "lowercase")]
 pub enum CovarianceUse {
-    /// Some drivers set it to −1 and measure all the same.
+    /// A value of −1 is ignored: some drivers set it although they measure.
     Ignore,
 }
 
 /// Place of a vector in the messages of a topic. Written as a path, as three paths, or as a table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct VectorConfig<Unit> {
-    /// Its topic; the IMU's if absent. A secondary accelerometer names its topic one level up.
+    /// Topic; the IMU's if absent. A secondary accelerometer names its topic one level up.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Where it stands in the message; known types need none.
+    /// Path in the message. Not needed for well-known types.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<VectorPath>,
-    /// A vector to be added: the gravity that a phone takes out of its acceleration.
+    /// Path of a vector to add: the gravity that a phone removes from its acceleration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plus: Option<FieldPath>,
-    /// Unit of the values, if it is set; m/s² or rad/s otherwise.
+    /// Unit of the values; m/s² or rad/s if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<Unit>,
 }
@@ -113,9 +113,9 @@ pub struct VectorConfig<Unit> {
 #[derive(Clone, Debug, PartialEq, Serialize, DeserializeDerive)]
 #[serde(untagged, expecting = "a path to a vector, or three paths to numbers")]
 pub enum VectorPath {
-    /// To a message with `x`, `y`, `z`, or to an array of three.
+    /// Path to a message with `x`, `y`, `z`, or to an array of three.
     Whole(FieldPath),
-    /// To three numbers.
+    /// Paths to three numbers.
     Axes([FieldPath; 3]),
 }
 
@@ -144,7 +144,7 @@ pub enum RateUnit {
 }
 
 impl AccelUnit {
-    /// As it is written.
+    /// Name in the configuration.
     pub fn name(self) -> &'static str {
         match self {
             Self::MetresPerSecondSquared => "m/s^2",
@@ -152,7 +152,7 @@ impl AccelUnit {
         }
     }
 
-    /// Factor that turns a value into m/s².
+    /// Factor from this unit to m/s².
     pub fn factor(self) -> f64 {
         match self {
             Self::MetresPerSecondSquared => 1.0,
@@ -162,7 +162,7 @@ impl AccelUnit {
 }
 
 impl RateUnit {
-    /// As it is written.
+    /// Name in the configuration.
     pub fn name(self) -> &'static str {
         match self {
             Self::RadiansPerSecond => "rad/s",
@@ -170,7 +170,7 @@ impl RateUnit {
         }
     }
 
-    /// Factor that turns a value into rad/s.
+    /// Factor from this unit to rad/s.
     pub fn factor(self) -> f64 {
         match self {
             Self::RadiansPerSecond => 1.0,
@@ -179,7 +179,7 @@ impl RateUnit {
     }
 }
 
-/// The long form, which refuses keys it does not know.
+/// Table form, which refuses unknown keys.
 #[derive(DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 struct Table<Unit> {
@@ -195,7 +195,7 @@ impl<'de, Unit: Deserialize<'de> + Default> Deserialize<'de> for VectorConfig<Un
     }
 }
 
-/// Tells the three forms apart by their type, so that an error inside a table is reported where it stands.
+/// Visitor that distinguishes the three forms by their type, so that an error inside a table is reported at its place.
 struct Forms<Unit>(PhantomData<Unit>);
 
 impl<'de, Unit: Deserialize<'de> + Default> Visitor<'de> for Forms<Unit> {

@@ -18,13 +18,13 @@ use self::protobuf::{ProtobufPlan, alone};
 use crate::imu::schema::layout::{Layout, Number, Place, Wire};
 use crate::imu::schema::lookup::PathError;
 
-/// Reads the same few numbers out of each message of a channel.
+/// Decoder of the same few numbers in each message of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decoder(Encoding);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Encoding {
-    /// Each message says itself how it is written.
+    /// Each message states which of these it uses.
     Cdr {
         xcdr1: Plan,
         xcdr2: Plan,
@@ -36,10 +36,10 @@ enum Encoding {
 }
 
 impl Decoder {
-    /// A decoder for `numbers`, and for a text (empty if there is none to read).
+    /// Decoder for `numbers` and for a text (empty if none is requested).
     ///
     /// # Errors
-    /// If the layout does not allow to find one of them in every message.
+    /// If the layout does not allow to locate one of them in every message.
     pub fn new(layout: &Layout, numbers: &[Place], text: Option<&Place>) -> Result<Self, PathError> {
         let plan = |align, sizes| Plan::new(layout, numbers, text, Rules { align, sizes });
         Ok(Self(match layout.wire {
@@ -54,12 +54,12 @@ impl Decoder {
         }))
     }
 
-    /// Reads one message: the numbers in the order they were asked for, and the text. Integers beyond 2⁵³ are
-    /// rounded. In protobuf and JSON, a number that is not there is NaN.
+    /// Decodes one message: the numbers in the requested order, and the text. Integers beyond 2⁵³ are rounded. In
+    /// protobuf and JSON, a missing number is NaN.
     ///
     /// # Errors
-    /// If the message is shorter than its schema demands, or written in a way that is not read. `numbers` may have
-    /// changed then.
+    /// If the message is shorter than its schema demands, or in an unsupported encoding. `numbers` may have changed
+    /// then.
     pub fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
         let text = match &self.0 {
             Encoding::Json(pick) => return pick.read(data, numbers),
@@ -73,11 +73,10 @@ impl Decoder {
         Ok(Cow::Borrowed(text))
     }
 
-    /// The message with other numbers in the places of those that change, by their order, out of `count`; every other
-    /// byte stays. `None` if the message cannot be read, or a number that changes is none of floating point.
+    /// Copies the message with changed numbers: pairs of slot (out of `count`) and value. All other bytes stay. `None`
+    /// if the message cannot be read, or a number to be changed is not floating point.
     ///
-    /// In protobuf, where zeros are left out, a number that is not there is appended: of what comes twice, the last
-    /// counts.
+    /// In protobuf, where zeros are omitted, a missing number is appended: of a repeated field, the last value counts.
     pub fn rewrite(&self, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
         let mut places = vec![f64::NAN; count];
         let mut out = data.to_vec();
@@ -125,7 +124,7 @@ impl Decoder {
     }
 }
 
-/// The plan that a message says it is written by, and whether its numbers are big-endian.
+/// Plan for the encapsulation that a message states, and whether its numbers are big-endian.
 fn encapsulated<'p>(
     data: &[u8],
     xcdr1: &'p Plan,
@@ -135,7 +134,7 @@ fn encapsulated<'p>(
     let truncated = Malformed::Truncated { offset: 0, wanted: HEADER, len: data.len() };
     let &[high, low, ..] = data.first_chunk::<HEADER>().ok_or(truncated)?;
     let identifier = u16::from_be_bytes([high, low]);
-    // The identifiers of DDS-XTypes 1.3 and, from 0x10 on, those that its drafts left in the field.
+    // Identifiers of DDS-XTypes 1.3 and, from 0x10 on, those of its drafts that are still in use.
     let plan = match identifier {
         0x00 | 0x01 => xcdr1,
         0x06 | 0x07 | 0x10 | 0x11 => xcdr2,
@@ -145,7 +144,7 @@ fn encapsulated<'p>(
     Ok((plan, identifier.is_multiple_of(2)))
 }
 
-/// JSON has texts of any length: those that change are exchanged, the last one first.
+/// Rewrites a JSON message. Number texts vary in length, so they are replaced from the last to the first.
 fn rewrite_json(pick: &Pick, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
     let mut places = vec![None; count];
     pick.locate(data, &mut places)?;

@@ -1,5 +1,5 @@
-//! The door of the house: channels and messages in, samples out. It knows nothing of rests; it decides what an IMU is,
-//! when a sample was measured, and what is refused.
+//! Entry point of this module: channels and messages in, samples out. It decides what is an IMU, when a sample was
+//! measured, and what is refused. Rests are left to [`still`](crate::still).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,22 +23,22 @@ use crate::imu::schema::lookup::nearest;
 use crate::record;
 use crate::topic;
 
-/// Turns the messages of a recording into samples.
+/// Converts the messages of a recording to samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intake {
-    /// The configured ones first.
+    /// Sources, the configured ones first.
     sources: Vec<Source>,
     configured: usize,
     topics: BTreeSet<String>,
     verdicts: BTreeMap<u16, ChannelRole>,
-    /// One for each source that reads the channel.
+    /// Routes by channel: one for each source that reads it.
     routes: BTreeMap<u16, Vec<Route>>,
-    /// JSON channels whose first message will tell what they are.
+    /// JSON channels whose first message will show their fields.
     untold: BTreeMap<u16, record::Channel>,
-    /// Which sources read a topic.
+    /// Sources that read a topic.
     readers: BTreeMap<String, Vec<usize>>,
     halves: BTreeMap<u16, PairedTopic>,
-    /// Halves by what they have in common with their other one.
+    /// Halves of IMUs by their common key, see [`PairedTopic::common`].
     pairs: BTreeMap<(String, String), BTreeSet<u16>>,
     imus: Vec<Imu>,
     notices: Vec<Notice>,
@@ -48,17 +48,17 @@ pub struct Intake {
 /// A topic that the configuration names and the recording lacks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingTopic {
-    /// Its name.
+    /// Name in the configuration.
     pub topic: String,
-    /// The topic of the recording that is spelt most like it.
+    /// Topic of the recording with the most similar spelling.
     pub nearest: Option<String>,
 }
 
-/// After so many zeros from the start, a triad is said to be absent.
+/// Number of zeros from the start after which a triad is reported as absent.
 const ZEROS: u64 = 100;
 
 impl Intake {
-    /// An intake for the configured IMUs, and for every topic of a well-known type that these do not mention.
+    /// Intake for the configured IMUs, and for every topic of a well-known type that they do not mention.
     pub fn new(imus: &[ImuConfig]) -> Self {
         let mut intake = Self {
             sources: Vec::new(),
@@ -91,18 +91,17 @@ impl Intake {
         }
     }
 
-    /// Whether a JSON channel has yet to say by its first message what it is.
+    /// Whether the fields of a JSON channel are still unknown, until its first message.
     pub fn is_untold(&self) -> bool {
         !self.untold.is_empty()
     }
 
-    /// The same, with positions from this topic alone.
+    /// Restricts positions to this topic.
     pub fn with_fix_topic(self, topic: Option<String>) -> Self {
         Self { fixes: PositionSearch::new(topic), ..self }
     }
 
-    /// Learns of a channel, and says what it is used for as far as that can be told. Repeating a channel changes
-    /// nothing.
+    /// Adds a channel and returns its role, as far as it is known. Repeating a channel changes nothing.
     pub fn channel(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> &ChannelRole {
         if !self.verdicts.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
@@ -120,29 +119,29 @@ impl Intake {
         self.verdict(channel.id)
     }
 
-    /// Role of a channel. Later channels, or its first message, may show more.
+    /// Role of a channel. It may change with later channels, or with its first message.
     pub fn verdict(&self, channel_id: u16) -> &ChannelRole {
         self.verdicts.get(&channel_id).unwrap_or(&ChannelRole::Annotation)
     }
 
-    /// Whether messages of this channel are of any use.
+    /// Whether messages of this channel are needed.
     pub fn wants(&self, channel_id: u16) -> bool {
         self.routes.contains_key(&channel_id) || self.untold.contains_key(&channel_id) || self.fixes.wants(channel_id)
     }
 
-    /// The IMUs asked for that read a channel, by their number.
+    /// Indices of the requested IMUs that read a channel.
     pub fn sources_on(&self, channel_id: u16) -> impl Iterator<Item = usize> {
         self.routes.get(&channel_id).into_iter().flatten().map(|route| route.source)
     }
 
-    /// Takes a message, and says where the recording is made if it is the first that tells.
+    /// Adds a message. Returns the position of the recording, if this message is the first with a valid one.
     pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Position> {
         self.fixes.message(channel_id, data)
     }
 
-    /// Takes a message, and hands its readings to `sink`: those of the accelerometer last, since it is by them that an
-    /// IMU's state is evaluated. Messages of channels that are not used, and readings before the first one of their
-    /// IMU's accelerometer, are passed over.
+    /// Adds a message and passes its readings to `sink`. Those of the accelerometer come last, since they trigger the
+    /// evaluation of an IMU's state. Messages of unused channels are skipped, and readings before the first one of
+    /// their IMU's accelerometer.
     pub fn message(
         &mut self,
         channel_id: u16,
@@ -214,9 +213,9 @@ impl Intake {
         }
     }
 
-    /// The message that was taken last, with other readings in the place of some: for each IMU that reads it, what the
-    /// topic of such messages begins with, and the bytes. `change` says which readings become what, in m/s² or rad/s.
-    /// Where it changes none there is nothing, nor where readings are integers, which could not hold the result.
+    /// Rewrites the last message with other readings: for each IMU that reads it, the name that its topics begin with,
+    /// and the bytes. `change` maps readings to their replacements, in m/s² or rad/s. Nothing is returned if it changes
+    /// none, or if readings are integers, which cannot hold the result.
     pub fn rewrite(
         &self,
         channel_id: u16,
@@ -229,14 +228,14 @@ impl Intake {
             let imu = accel.and_then(|tap| self.imus.get(tap.last?.index()));
             let name = imu.map_or(route.topic.as_str(), |imu| &imu.name);
             let data = route.rewrite(data, |tap, value| change(tap.last?, tap.sensor, value));
-            // A topic that serves several IMUs without being their own is rewritten for the first.
+            // A topic that several IMUs share is rewritten only for the first of the same name.
             rewritten
                 .extend(data.filter(|_| rewritten.iter().all(|(known, _)| *known != name)).map(|data| (name, data)));
         }
         rewritten
     }
 
-    /// The IMUs seen so far, by [`ImuId`].
+    /// IMUs seen so far, by [`ImuId`].
     pub fn imus(&self) -> &[Imu] {
         &self.imus
     }
@@ -261,7 +260,7 @@ impl Intake {
         faults
     }
 
-    /// Why topics that might be IMUs are none so far, one line each.
+    /// Reasons why topics that might be IMUs are none so far, one line each.
     pub fn obstacles(&self) -> Vec<String> {
         let none_seen = |route: &&Route| self.sources.get(route.source).is_some_and(|source| source.imus.is_empty());
         let mut topics: BTreeMap<&str, Vec<String>> = BTreeMap::new();
@@ -290,7 +289,7 @@ impl Intake {
         told.chain(refused).collect()
     }
 
-    /// News for people that they have not been told: each thing once, in the order in which it was seen.
+    /// Takes the notices since the last call: each once, in the order of their occurrence.
     pub fn take_notices(&mut self) -> Vec<Notice> {
         std::mem::take(&mut self.notices)
     }
@@ -307,7 +306,7 @@ impl Intake {
         missing.into_iter().map(|topic| MissingTopic { topic: topic.to_owned(), nearest: nearest(topic) }).collect()
     }
 
-    /// Lets the first message of a JSON channel without schema tell what the channel is.
+    /// Determines the role of a JSON channel without schema by its first message.
     fn listen(&mut self, channel_id: u16, data: &[u8]) {
         let Some(channel) = self.untold.get(&channel_id) else { return };
         let Some(layout) = Layout::of_example("the message", data) else { return };
@@ -362,7 +361,7 @@ impl Intake {
         }
     }
 
-    /// Offers the halves of an IMU together where their types are not known.
+    /// Suggests two halves of an IMU together if their types are not known.
     fn offer_pair(
         &mut self,
         channel_id: u16,
@@ -387,7 +386,7 @@ impl Intake {
         verdict
     }
 
-    /// Puts the halves of an IMU together once both are known.
+    /// Joins two halves of an IMU once both are known.
     fn pair(
         &mut self,
         channel_id: u16,
@@ -416,8 +415,8 @@ impl Intake {
         self.verdicts.get(&channel_id).cloned().unwrap_or(ChannelRole::Annotation)
     }
 
-    /// Lets the gyroscope of one channel belong to the accelerometer of another, unless either is an IMU by itself. Types
-    /// that are no IMU by themselves are only offered.
+    /// Assigns the gyroscope of one channel to the accelerometer of another, unless either is already an IMU. For types
+    /// that are not an IMU by themselves this is only suggested.
     fn join(&mut self, (accel_id, accel): (u16, &PairedTopic), (gyro_id, gyro): (u16, &PairedTopic)) {
         let Some(mut route) = gyro.gyro.clone() else { return };
         let Some(source) = accel.source else {
@@ -439,7 +438,7 @@ impl Intake {
         let name = owner.name();
         self.read_by(gyro.topic.clone(), source);
         route.source = source;
-        // Each device has an accelerometer and a gyroscope, with identifiers of their own.
+        // The accelerometer and the gyroscope of a device have different identifiers.
         route.in_order = route.has_devices();
         for imu in self.imus.iter_mut().filter(of_accel) {
             imu.triads.retain(|triad| triad.sensor != Sensor::Gyroscope);
@@ -461,7 +460,7 @@ impl Intake {
     }
 }
 
-/// Whether the last message shows that its accelerometer is there.
+/// Whether the last message shows that its accelerometer exists.
 fn appears(route: &Route) -> bool {
     let accel = route.taps.iter().find(|tap| tap.sensor == Sensor::Accelerometer);
     accel.is_some_and(|tap| route.value(tap).is_ok_and(|value| !is_zero(&value)))

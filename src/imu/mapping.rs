@@ -1,4 +1,4 @@
-//! Channels to IMUs: which vector of which topic is which triad of which IMU, and what speaks against it.
+//! Channels to IMUs: the topic and vector of each triad of each IMU, and reasons against an assignment.
 
 pub(super) mod channel_role;
 pub(super) mod first_readings;

@@ -1,71 +1,71 @@
-//! Datasheets of common sensors, one entry each in [`DATASHEETS`]. How the promises are used is left to the
+//! Datasheets of common sensors, one entry each in [`DATASHEETS`]. The use of their figures is left to the
 //! [`engine`](crate::engine).
 //!
-//! Offsets and sensitivities are the initial tolerance and the change over the whole range of temperatures together, of
-//! the worst axis: a sensor in use is neither new nor at 25 °C. A figure that could not be read is left out, and what is
-//! assumed of any sensor stays.
+//! Biases and scales include the initial tolerance and the change over the whole temperature range, for the worst axis:
+//! a sensor in use is neither new nor at 25 °C. A figure that was not available is left out, and the assumption for any
+//! sensor stays.
 //!
-//! How placements repeat is for the most part no property of the sensor: how it is put down, and what its board does to
-//! it, is [what real sessions show](REPEATS). Its own part is that it warms between placements, by a kelvin say.
+//! The repeatability of placements is mostly not a property of the sensor. How it is put down, and the effect of its
+//! board, are [known from real sessions](REPEATS). Its own part is that it warms between placements, by a kelvin say.
 
 use serde::de::{self, Deserialize, Deserializer};
 use serde::{Serialize, Serializer};
 
-/// A known sensor, by its entry in [`DATASHEETS`].
+/// A known sensor, by its index in [`DATASHEETS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Preset(usize);
 
-/// Promises of a sensor's maker.
+/// Datasheet of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Datasheet {
     /// Name of the sensor in the configuration.
     pub name: &'static str,
     /// Document, revision and tables.
     pub source: &'static str,
-    /// Of the accelerometer.
+    /// Figures of the accelerometer.
     pub accelerometer: Promise,
-    /// Of the gyroscope; `None` where there is none, or no figure at hand.
+    /// Figures of the gyroscope; `None` if there is none, or no figure is available.
     pub gyroscope: Option<Promise>,
 }
 
-/// Of one triad, in m/s² or rad/s.
+/// Datasheet figures of one triad, in m/s² or rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Promise {
     /// Largest reading of its widest range.
     pub range: f64,
     /// Step of the converter in that range.
     pub step: f64,
-    /// Standard deviation of an axis at the bandwidth that the datasheet states it for, or its widest.
+    /// Standard deviation of an axis at the bandwidth for which the datasheet states it, or else at the widest.
     pub noise: Option<f64>,
     /// Largest bias of an axis.
     pub bias: Option<f64>,
     /// Smallest and largest scale of an axis.
     pub scale: Option<[f64; 2]>,
-    /// How far the mean of a rest repeats from placement to placement, one standard deviation.
+    /// Repeatability of the mean of a rest from placement to placement, one standard deviation.
     pub placement: Option<f64>,
-    /// Cross-axis sensitivity, as a share.
+    /// Cross-axis sensitivity, as a fraction.
     pub cross_axis: Option<f64>,
-    /// Deviation from a straight line, as a share of full scale.
+    /// Nonlinearity: deviation from a straight line, as a fraction of full scale.
     pub nonlinearity: Option<f64>,
 }
 
 impl Promise {
-    /// What the square of a reading may add at 1 g, m/s², if all of the nonlinearity is one. Which of its ranges the sensor is
-    /// set to nobody says: from 2 g to 16 g it is 5.7 g in the middle, on a scale of ratios.
+    /// Quadratic error at 1 g, m/s², if all of the nonlinearity is quadratic. The range that the sensor is set to is
+    /// unknown, so the geometric mean of its ranges is assumed: 5.7 g for 2 g to 16 g.
     pub fn squared_at_one_g(&self) -> Option<f64> {
-        /// Of the widest range over the one in the middle: √8.
+        /// Ratio of the widest range to the geometric mean: √8.
         const MIDDLE: f64 = 2.828;
         self.nonlinearity.map(|share| share * G * G / (self.range / MIDDLE))
     }
 }
 
 impl Preset {
-    /// The sensor of this name in the configuration.
+    /// Sensor with this name in the configuration.
     pub fn named(name: &str) -> Option<Self> {
         NAMES.iter().position(|known| *known == name).map(Self)
     }
 
-    /// What its datasheet says.
+    /// Datasheet of the sensor.
     pub fn datasheet(self) -> &'static Datasheet {
         &DATASHEETS[self.0]
     }
@@ -84,24 +84,24 @@ impl<'de> Deserialize<'de> for Preset {
     }
 }
 
-/// Better than this no placement repeats, whatever the sensor, m/s²: the least that real six-face sessions with an
-/// MPU-9250 showed (5 to 14 mm/s²).
+/// Smallest standard deviation between placements that is assumed for any sensor, m/s²: the best of real six-face
+/// sessions with an MPU-9250 (5 to 14 mm/s²).
 const REPEATS: f64 = 0.005;
 
-/// Standard gravity, m/s² (CGPM 1901): datasheets count in it.
+/// Standard gravity, m/s² (CGPM 1901): the unit of datasheets.
 const G: f64 = 9.80665;
 const MG: f64 = 1e-3 * G;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Of an accelerometer whose bias moves by so much with a kelvin.
+/// Repeatability of an accelerometer whose bias changes by `per_kelvin`, in m/s² per kelvin.
 const fn repeats(per_kelvin: f64) -> Option<f64> {
     Some(if per_kelvin > REPEATS { per_kelvin } else { REPEATS })
 }
 
-/// All sensors that are known, in alphabetical order.
+/// All known sensors, in alphabetical order.
 pub static DATASHEETS: [Datasheet; 9] = [
-    // Analog Devices ADIS16470: ±40 g in 800 LSB/g; ±2000 °/s in 10 LSB/(°/s), 0.008 °/s/√Hz over half of its 2000 Hz. Its biases, their repeatability, and
-    // the noise of the accelerometer could not be read.
+    // Analog Devices ADIS16470: ±40 g in 800 LSB/g; ±2000 °/s in 10 LSB/(°/s), 0.008 °/s/√Hz over half of its 2000 Hz.
+    // Its biases, their repeatability, and the noise of the accelerometer were not available.
     Datasheet {
         name: "adis16470",
         source: "ADIS16470 data sheet rev. C, features; steps and output rate as Linux has them, drivers/iio/imu/adis16475.c",
@@ -126,8 +126,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // Analog Devices ADXL375, accelerometer: 0 g offset ±6 g; 18.4 to 22.6 LSB/g about 20.5, 49 mg a step; 5 mg/√Hz over the 50 Hz of its 100 Hz output, times √(π/2).
-    // What temperature does to the offset could not be read.
+    // Analog Devices ADXL375, accelerometer: 0 g offset ±6 g; 18.4 to 22.6 LSB/g about 20.5, 49 mg a step; 5 mg/√Hz
+    // over the 50 Hz of its 100 Hz output, times √(π/2). The temperature dependence of the offset was not available.
     Datasheet {
         name: "adxl375",
         source: "ADXL375 data sheet rev. B, table 1",
@@ -143,8 +143,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
         },
         gyroscope: None,
     },
-    // Bosch BMI088: 0 g ±20 mg and ±0.2 mg/K over 60 K; 1365 LSB/g at ±24 g; 190 µg/√Hz (z) over half of its 1600 Hz. 0 °/s ±1 and ±0.015 °/s/K;
-    // 16.384 LSB/(°/s); 0.014 °/s/√Hz over half of its 2000 Hz.
+    // Bosch BMI088: 0 g ±20 mg and ±0.2 mg/K over 60 K; 1365 LSB/g at ±24 g; 190 µg/√Hz (z) over half of its 1600 Hz. 0
+    // °/s ±1 and ±0.015 °/s/K; 16.384 LSB/(°/s); 0.014 °/s/√Hz over half of its 2000 Hz.
     Datasheet {
         name: "bmi088",
         source: "BMI088 data sheet BST-BMI088-DS000-19 rev. 1.9, electrical specification (pages 7 and 8)",
@@ -169,8 +169,9 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // Bosch BMI160: 0 g ±40 mg; 1966 to 2130 LSB/g about 2048 at ±16 g; 180 µg/√Hz over half of its 1600 Hz. 0 °/s ±10; 15.9 to 16.9 LSB/(°/s)
-    // about 16.4; 0.007 °/s/√Hz over half of its 3200 Hz. What temperature does to the offsets could not be read.
+    // Bosch BMI160: 0 g ±40 mg; 1966 to 2130 LSB/g about 2048 at ±16 g; 180 µg/√Hz over half of its 1600 Hz. 0 °/s ±10;
+    // 15.9 to 16.9 LSB/(°/s) about 16.4; 0.007 °/s/√Hz over half of its 3200 Hz. The temperature dependence of the
+    // offsets was not available.
     Datasheet {
         name: "bmi160",
         source: "BMI160 data sheet BST-BMI160-DS000 rev. 1.0, electrical specification (output signals)",
@@ -195,8 +196,9 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // TDK InvenSense ICM-20948: 0 g ±50 mg on the board and ±0.8 mg/°C over 60 °C; ±0.5 % and ±0.026 %/°C over 65 °C; 2048 LSB/g; 230 µg/√Hz over 246 Hz; cross-axis ±2 %, nonlinearity ±0.5 %.
-    // 0 °/s ±5 and ±0.05 °/s/°C over 65 °C; 0.015 °/s/√Hz over half of the 1125 Hz of its filter.
+    // TDK InvenSense ICM-20948: 0 g ±50 mg on the board and ±0.8 mg/°C over 60 °C; ±0.5 % and ±0.026 %/°C over 65 °C;
+    // 2048 LSB/g; 230 µg/√Hz over 246 Hz; cross-axis ±2 %, nonlinearity ±0.5 %. 0 °/s ±5 and ±0.05 °/s/°C over 65 °C;
+    // 0.015 °/s/√Hz over half of the 1125 Hz of its filter.
     Datasheet {
         name: "icm20948",
         source: "ICM-20948 data sheet DS-000189 rev. 1.3, tables 1 and 2",
@@ -221,8 +223,9 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // TDK InvenSense ICM-42688-P: 0 g ±20 mg on the board and ±0.15 mg/°C over 65 °C; ±0.5 % and ±0.005 %/°C; 2048 LSB/g; 70 µg/√Hz (z) over 500 Hz. 0 °/s ±0.5
-    // on the board and ±0.005 °/s/°C over 45 °C, ±0.5 % and ±0.005 %/°C; 16.4 LSB/(°/s); 0.0028 °/s/√Hz over 500 Hz.
+    // TDK InvenSense ICM-42688-P: 0 g ±20 mg on the board and ±0.15 mg/°C over 65 °C; ±0.5 % and ±0.005 %/°C; 2048
+    // LSB/g; 70 µg/√Hz (z) over 500 Hz. 0 °/s ±0.5 on the board and ±0.005 °/s/°C over 45 °C, ±0.5 % and ±0.005 %/°C;
+    // 16.4 LSB/(°/s); 0.0028 °/s/√Hz over 500 Hz.
     Datasheet {
         name: "icm42688p",
         source: "ICM-42688-P data sheet DS-000347 (rev. not told by the copy that was read), tables 1 and 2",
@@ -247,8 +250,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // STMicroelectronics LSM6DSO: 0 g ±20 mg and ±0.1 mg/°C over 65 °C, 0 °/s ±1 and ±0.01 °/s/°C; ±1 % and ±0.01 %/°C; ±16 g: 3.0 mg rms in low power;
-    // 3.8 m°/s/√Hz over 500 Hz.
+    // STMicroelectronics LSM6DSO: 0 g ±20 mg and ±0.1 mg/°C over 65 °C, 0 °/s ±1 and ±0.01 °/s/°C; ±1 % and ±0.01 %/°C;
+    // ±16 g: 3.0 mg rms in low power; 3.8 m°/s/√Hz over 500 Hz.
     Datasheet {
         name: "lsm6dso",
         source: "LSM6DSO data sheet DS12140 rev. 3, table 2",
@@ -273,8 +276,8 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // InvenSense MPU-6000 and MPU-6050: 0 g ±80 mg (z) and ±60 mg over 70 °C; ±3 % and ±0.02 %/°C over 65 °C; 2048 LSB/g; 400 µg/√Hz over 260 Hz. 0 °/s ±20 and ±20
-    // over temperature, ±3 % and ±2 %, 16.4 LSB/(°/s), 0.05 °/s rms.
+    // InvenSense MPU-6000 and MPU-6050: 0 g ±80 mg (z) and ±60 mg over 70 °C; ±3 % and ±0.02 %/°C over 65 °C; 2048
+    // LSB/g; 400 µg/√Hz over 260 Hz. 0 °/s ±20 and ±20 over temperature, ±3 % and ±2 %, 16.4 LSB/(°/s), 0.05 °/s rms.
     Datasheet {
         name: "mpu6050",
         source: "MPU-6000/MPU-6050 product specification PS-MPU-6000A-00 rev. 3.4, sections 6.1 and 6.2",
@@ -299,8 +302,9 @@ pub static DATASHEETS: [Datasheet; 9] = [
             nonlinearity: None,
         }),
     },
-    // InvenSense MPU-9250: 0 g ±80 mg (z) and ±1.5 mg/°C over 65 °C; ±3 % and ±0.026 %/°C; 2048 LSB/g; 8 mg rms; cross-axis ±2 %, nonlinearity ±0.5 %. 0 °/s ±5 and ±30 over temperature,
-    // ±3 % and ±4 %, 16.4 LSB/(°/s), 0.1 °/s rms.
+    // InvenSense MPU-9250: 0 g ±80 mg (z) and ±1.5 mg/°C over 65 °C; ±3 % and ±0.026 %/°C; 2048 LSB/g; 8 mg rms;
+    // cross-axis ±2 %, nonlinearity ±0.5 %. 0 °/s ±5 and ±30 over temperature, ±3 % and ±4 %, 16.4 LSB/(°/s), 0.1 °/s
+    // rms.
     Datasheet {
         name: "mpu9250",
         source: "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1 and 2",
@@ -352,7 +356,7 @@ mod tests {
                 let bias = promise.bias.unwrap_or(promise.range / 2.0);
                 assert!(promise.noise.is_none_or(|noise| 0.0 < noise && noise < bias) && bias < promise.range);
                 assert!(promise.scale.is_none_or(|[least, most]| least < 1.0 && 1.0 < most));
-                // Sixteen bits, more or less, and noise that is not far below a step.
+                // About sixteen bits, and noise that is not far below a step.
                 assert!((1e3..1e5).contains(&(2.0 * promise.range / promise.step)));
                 assert!(promise.placement.is_none_or(|std| (REPEATS..0.02).contains(&std)));
             }

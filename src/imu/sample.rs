@@ -8,26 +8,26 @@ use crate::Stamp;
 /// One reading of one triad: specific force in m/s², or angular rate in rad/s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
-    /// When it was measured.
+    /// Time of measurement.
     pub stamp: Stamp,
-    /// When it was recorded; what is learned from it is logged at this time.
+    /// Time of recording, in nanoseconds. Results from this sample are logged at this time.
     pub log_time: u64,
-    /// The three axes, finite.
+    /// Values of the three axes, finite.
     pub value: Vector3<f64>,
 }
 
-/// Message's word on one triad.
+/// Information from one message about one triad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Reading {
-    /// It measured.
+    /// A measurement.
     Sample(Sample),
-    /// The sample of this stamp, which follows, is clipped: a sensor reached the end of its range.
+    /// The sample with this stamp, which follows, is clipped: the sensor reached the end of its range.
     Clipped(Stamp),
     /// From this stamp on, the driver applies another calibration.
     NewRound {
-        /// Of the sample that follows.
+        /// Stamp of the sample that follows.
         stamp: Stamp,
-        /// Of the sample that follows.
+        /// Log time of the sample that follows, in nanoseconds.
         log_time: u64,
     },
 }
@@ -39,13 +39,13 @@ pub enum Sensor {
     Accelerometer,
     /// The gyroscope.
     Gyroscope,
-    /// A further accelerometer that moves with the primary one, by its place in the configuration.
+    /// A further accelerometer that moves with the primary one, by its index in the configuration.
     Secondary(usize),
-    /// Truth that there was to read, by a reference that knows.
+    /// True value from a reference.
     Reference(Quantity),
 }
 
-/// Quantity that a reference knows.
+/// Quantity that a reference provides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Quantity {
     /// True specific force, m/s².
@@ -55,7 +55,7 @@ pub enum Quantity {
 }
 
 impl Sensor {
-    /// A number of its own: 0 for the accelerometer, 1 for the gyroscope, then the reference, secondaries from 4 on.
+    /// Unique index: 0 for the accelerometer, 1 for the gyroscope, 2 and 3 for the reference, secondaries from 4 on.
     pub fn index(self) -> usize {
         match self {
             Self::Accelerometer => 0,
@@ -67,18 +67,18 @@ impl Sensor {
     }
 }
 
-/// IMU of a recording, by the order in which they were seen.
+/// IMU of a recording, numbered in the order of first appearance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct ImuId(usize);
 
 impl ImuId {
-    /// The IMU at a place of [`Intake::imus`](super::Intake::imus).
+    /// IMU at an index of [`Intake::imus`](super::Intake::imus).
     pub fn of(index: usize) -> Self {
         Self(index)
     }
 
-    /// Its place in [`Intake::imus`](super::Intake::imus).
+    /// Index in [`Intake::imus`](super::Intake::imus).
     pub fn index(self) -> usize {
         self.0
     }

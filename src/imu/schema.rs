@@ -1,4 +1,4 @@
-//! Schema text to [`Layout`]: what the messages of a channel hold, out of ROS message definitions, IDL, protobuf
+//! Schema text to [`Layout`]: the fields of a channel's messages, from ROS message definitions, IDL, protobuf
 //! descriptors, JSON Schema, or a first JSON message.
 
 mod descriptor;
@@ -13,14 +13,14 @@ use layout::{Layout, SchemaError, Wire};
 
 use crate::record::Schema;
 
-/// Longest JSON message whose fields are looked at, in bytes (1 MiB): all of it is taken apart.
+/// Longest JSON message that is used as an example, in bytes (1 MiB), since all of it is parsed.
 const LONGEST_EXAMPLE: usize = 1 << 20;
 
 impl Layout {
-    /// The layout that a schema describes, for messages of the given encoding.
+    /// Layout that a schema describes, for messages of the given encoding.
     ///
     /// # Errors
-    /// If the encoding is not read, or the schema is not understood or contradicts itself.
+    /// If the encoding is not supported, or the schema is malformed or inconsistent.
     pub fn new(message_encoding: &str, schema: Option<&Schema>) -> Result<Self, SchemaError> {
         let unread = |encoding: &str| Err(SchemaError::Encoding(encoding.into()));
         let wire = match message_encoding {
@@ -50,7 +50,7 @@ impl Layout {
         Ok(Self { wire, messages })
     }
 
-    /// The layout of JSON messages like this one; none if it is not a JSON object, or longer than an example need be.
+    /// Layout of JSON messages like this one; `None` if it is not a JSON object, or too long for an example.
     pub fn of_example(name: &str, data: &[u8]) -> Option<Self> {
         (data.len() <= LONGEST_EXAMPLE).then_some(())?;
         Some(Self { wire: Wire::Json, messages: jsonschema::example(name, data)? })

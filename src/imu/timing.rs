@@ -1,5 +1,5 @@
-//! Times of the readings put right before anybody learns from them: stamps that stand, wrap or make no sense, and readings
-//! that come a little late. What lies further apart than that is left to the segmenter.
+//! Correction of the readings' times before they are used: stamps that stand still, wrap or are implausible, and
+//! readings that arrive a little late. Larger gaps and delays are left to the segmenter.
 
 mod order;
 mod read;
@@ -14,23 +14,23 @@ pub use self::read::Read;
 use self::stamps::Stamps;
 use super::sample::ImuId;
 
-/// Puts the readings of a recording's IMUs into the order of their times.
+/// Sorts the readings of a recording's IMUs by time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
-    /// Readings late by no more are sorted, ns.
+    /// Largest delay of readings that are sorted in, ns.
     late_nanos: i64,
-    /// One for each IMU on a channel.
+    /// Stamps by channel and IMU.
     stamps: BTreeMap<(u16, ImuId), Stamps>,
     orders: Vec<Order>,
 }
 
 impl Timing {
-    /// Sorts readings that come up to `late_s` seconds late.
+    /// Sorter of readings that arrive up to `late_s` seconds late.
     pub fn new(late_s: f64) -> Self {
         Self { late_nanos: (late_s * 1e9) as i64, ..Self::default() }
     }
 
-    /// Takes the readings of one message; those whose turn has come go to `sink`.
+    /// Adds the readings of one message, and passes those whose turn has come to `sink`.
     pub fn pass(&mut self, channel_id: u16, log_time: u64, readings: &[Read], sink: &mut impl FnMut(Read)) {
         let Self { late_nanos, stamps, orders } = self;
         for of_one in readings.chunk_by(|(a, ..), (b, ..)| a == b) {
@@ -44,7 +44,7 @@ impl Timing {
         }
     }
 
-    /// Lets go of all that is held back: the recording has ended.
+    /// Releases all held readings at the end of the recording.
     pub fn finish(&mut self, sink: &mut impl FnMut(Read)) {
         let Self { stamps, orders, .. } = self;
         for (&(_, imu), stamps) in stamps {
@@ -54,7 +54,7 @@ impl Timing {
         orders.iter_mut().for_each(|order| order.finish(sink));
     }
 
-    /// What was done to the times of an IMU's readings, one line each.
+    /// Corrections to the times of an IMU's readings, one line each.
     pub fn remarks(&self, imu: ImuId) -> Vec<String> {
         let stamps = self.stamps.iter().filter(|((_, own), _)| *own == imu);
         let mut remarks: Vec<_> = stamps.flat_map(|(_, stamps)| stamps.remarks()).collect();

@@ -1,5 +1,5 @@
-//! Picking numbers and a text out of JSON messages as they stream by, without building values. What is picked is asked
-//! for by [`Decoder`](super::Decoder).
+//! Extraction of numbers and a text from JSON messages in one pass, without building values.
+//! [`Decoder`](super::Decoder) determines what is extracted.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use super::malformed::Malformed;
 use crate::imu::schema::layout::Place;
 
-/// Picks from a JSON value and from what is inside it.
+/// Values to pick from a JSON value and from its contents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Pick {
     slots: Vec<usize>,
@@ -45,7 +45,7 @@ impl Pick {
         })
     }
 
-    /// Reads a message. A number that is left out, or is something else, is NaN.
+    /// Decodes a message. A number that is missing or of another type is NaN.
     pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
         numbers.fill(f64::NAN);
         let mut found = Picked { numbers, text: Cow::Borrowed(&[]) };
@@ -57,7 +57,7 @@ impl Pick {
 }
 
 impl Pick {
-    /// Places of the texts of numbers.
+    /// Finds the byte ranges of the numbers' texts.
     pub(super) fn locate(&self, data: &[u8], places: &mut [Option<Range<usize>>]) -> Option<()> {
         let root: &RawValue = serde_json::from_slice(data).ok()?;
         self.locate_in(root, data.as_ptr().addr(), places);
@@ -66,7 +66,7 @@ impl Pick {
 
     fn locate_in(&self, value: &RawValue, origin: usize, places: &mut [Option<Range<usize>>]) {
         let text = value.get();
-        // The text of a raw value is a part of the message.
+        // The text of a raw value is a slice of the message.
         let start = text.as_ptr().addr().wrapping_sub(origin);
         for &slot in
             self.slots.iter().filter(|_| text.starts_with(|first: char| first == '-' || first.is_ascii_digit()))
@@ -92,7 +92,7 @@ impl Pick {
     }
 }
 
-/// The pick of a field or element, made if there is none yet.
+/// Pick of a field or element, created if missing.
 fn child<K: PartialEq>(picks: &mut Vec<(K, Pick)>, key: K) -> &mut Pick {
     let at = picks.iter().position(|(known, _)| *known == key).unwrap_or(picks.len());
     if at == picks.len() {
@@ -197,7 +197,7 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
     }
 }
 
-/// Picks among which a key chooses.
+/// Picks that a key selects from.
 struct Key<'p>(&'p [(String, Pick)]);
 
 impl<'p, 'd> DeserializeSeed<'d> for Key<'p> {

@@ -1,54 +1,54 @@
-//! Reasons why the bytes of a message are not what its schema says.
+//! Reasons why the bytes of a message do not match its schema.
 
-/// Reason why the bytes of a message are not what its schema says.
+/// Reason why the bytes of a message do not match its schema.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// The payload ends too early.
     #[error("the payload ends after {len} bytes, {wanted} more are expected at byte {offset}")]
     Truncated {
-        /// Where the bytes are expected, from the start of the payload.
+        /// Offset of the expected bytes in the payload.
         offset: usize,
-        /// How many.
+        /// Number of expected bytes.
         wanted: usize,
-        /// Length of the payload.
+        /// Length of the payload, in bytes.
         len: usize,
     },
-    /// A way of writing CDR that is not read.
+    /// The CDR encapsulation is not supported.
     #[error("the CDR encapsulation 0x{identifier:04x} ({}) is not read", encapsulation(*identifier))]
     Encapsulation {
         /// First two bytes of the payload.
         identifier: u16,
     },
-    /// Not JSON.
+    /// The payload is not JSON.
     #[error("the payload is not JSON at line {line}, column {column}")]
     Json {
-        /// Counted from 1.
+        /// Line, counted from 1.
         line: usize,
-        /// Counted from 1.
+        /// Column, counted from 1.
         column: usize,
     },
-    /// Bytes that are no protobuf.
+    /// The payload is not protobuf.
     #[error("the payload is not protobuf: {what} at byte {offset}")]
     Protobuf {
-        /// Byte in the payload.
+        /// Offset in the payload.
         offset: usize,
-        /// What stands there.
+        /// Description of the bytes there.
         what: &'static str,
     },
-    /// A wstring could be of more than one size.
+    /// The character width of a wstring is ambiguous.
     #[error("a wstring could be of more than one size: writers do not agree, and the payload does not tell")]
     WideText,
     /// A list is too short.
     #[error("a list has {found} elements, at least {wanted} are expected")]
     Short {
-        /// How many the configuration asks for.
+        /// Number of elements that the configuration requires.
         wanted: u32,
-        /// How many there are.
+        /// Number of elements found.
         found: u32,
     },
 }
 
-/// Name of an encapsulation that is not read.
+/// Name of an unsupported encapsulation.
 fn encapsulation(identifier: u16) -> &'static str {
     match identifier {
         0x02 | 0x03 | 0x0a | 0x0b | 0x12 | 0x13 => "a parameter list, as of @mutable types",

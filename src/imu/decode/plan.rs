@@ -1,16 +1,16 @@
-//! A layout compiled to the few steps in which CDR or ROS 1 bytes are walked: what stands at a fixed distance is one
-//! span, and only strings and lists interrupt it.
+//! Layout compiled to the few steps in which CDR or ROS 1 bytes are walked: fields at fixed offsets form one span, and
+//! only strings and lists interrupt it.
 
 use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
 use crate::imu::schema::lookup::PathError;
 
-/// Steps through a message, and what to read on the way.
+/// Steps through a message, and the numbers to read on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Plan {
     pub(super) steps: Vec<Step>,
-    /// Grouped by the step that takes them.
+    /// Numbers to read, grouped by the step that reads them.
     pub(super) gets: Vec<Get>,
     /// Alignment of the length of a string or sequence, in bytes.
     pub(super) word: usize,
@@ -18,16 +18,16 @@ pub(super) struct Plan {
     pub(super) wide: bool,
 }
 
-/// A stretch of a message.
+/// A section of a message.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Step {
-    /// So many bytes from the next multiple of `align`.
+    /// `len` bytes from the next multiple of `align`.
     Span { align: usize, len: usize, gets: Gets },
     /// A string.
     Text { wanted: bool },
     /// A `wstring`.
     WideText,
-    /// A message behind its size.
+    /// A message after its size.
     Delimited { body: Vec<Step> },
     /// A sequence of numbers.
     Numbers { size: usize, align: usize, least: usize, gets: Gets },
@@ -47,7 +47,7 @@ pub(super) struct Gets {
 /// A number to be read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Get {
-    /// Bytes from the start of the span, or of the sequence's elements.
+    /// Offset in bytes from the start of the span, or of the sequence's elements.
     pub(super) at: usize,
     pub(super) number: Number,
     pub(super) slot: usize,
@@ -64,22 +64,22 @@ pub(super) struct Rules {
 /// Kinds of parts that are preceded by their size in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sizes {
-    /// Nothing: XCDR1, ROS 1.
+    /// None: XCDR1, ROS 1.
     None,
-    /// Lists of anything but numbers, and messages that are said to be appendable: plain XCDR2.
+    /// Lists of anything but numbers, and messages marked as appendable: plain XCDR2.
     Lists,
     /// These, and the message itself: delimited XCDR2.
     Messages,
 }
 
-/// Unrolled, a real message has fewer fields than this.
+/// Most fields of a message after unrolling; real messages have fewer.
 const MAX_FIELDS: usize = 16_384;
 
 impl Plan {
-    /// The steps that walk a whole message, put the numbers into slots by their order, and pick up the text.
+    /// Compiles the steps that walk a whole message, put the numbers into slots by their order, and pick up the text.
     ///
     /// # Errors
-    /// If the message is absurdly large.
+    /// If the message has too many fields.
     pub(super) fn new(
         layout: &Layout,
         numbers: &[Place],
@@ -99,7 +99,7 @@ impl Plan {
 }
 
 impl Plan {
-    /// How a number is written.
+    /// Number type of a slot.
     pub(super) fn number(&self, slot: usize) -> Option<Number> {
         self.gets.iter().find(|get| get.slot == slot).map(|get| get.number)
     }
@@ -112,7 +112,7 @@ struct WantedNumber<'a> {
     slot: Option<usize>,
 }
 
-/// Unrolled, there are too many fields.
+/// After unrolling there are too many fields.
 struct TooLarge;
 
 /// Knowledge of the position while compiling: `position % modulus == rest`.
@@ -209,7 +209,7 @@ impl PlanCompiler<'_> {
                     (Sizes::None, _) | (_, Evolution::Final) => false,
                     (_, Evolution::Appendable) => true,
                     (sizes, Evolution::Unsaid) => match self.layout.messages.first().map(|root| root.evolution) {
-                        // Of the root the encapsulation says what the writer takes such types for.
+                        // If the root does not say either, the encapsulation shows the writer's default.
                         None | Some(Evolution::Unsaid) => sizes == Sizes::Messages,
                         // DDS-XTypes 1.3, 7.3.1.2.1.8.
                         Some(_) => true,
@@ -217,13 +217,13 @@ impl PlanCompiler<'_> {
                 };
                 self.message(id, wanted, delimited)?;
             }
-            // No layout of these encodings has one.
+            // Does not occur in layouts of these encodings.
             Kind::Unread(_) => {}
         }
         Ok(())
     }
 
-    /// The first elements of a list, up to the last that is wanted.
+    /// Compiles the first elements of a list, up to the last wanted one.
     fn elements(&mut self, kind: Kind, wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         for i in 0..least(wanted) {
             self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
@@ -249,11 +249,11 @@ impl PlanCompiler<'_> {
         for (element, slot) in numbered(wanted) {
             self.get(Get { at: element * size, number, slot });
         }
-        // Without elements, nothing is aligned but the length.
+        // If the sequence is empty, only its length is aligned.
         self.phase = Phase::multiple_of(align.min(4));
     }
 
-    /// Extends the last span, or begins one, by `len` bytes; where in the span these start.
+    /// Extends the last span, or begins one, by `len` bytes. Returns their offset in the span.
     fn span(&mut self, align: usize, len: usize) -> usize {
         let align = align.min(self.rules.align);
         let known = self.phase.modulus.is_multiple_of(align);
@@ -276,7 +276,7 @@ impl PlanCompiler<'_> {
         }
     }
 
-    /// Adds a number to what the last step reads.
+    /// Adds a number to those that the last step reads.
     fn get(&mut self, get: Get) {
         let from = self.plan.gets.len();
         self.plan.gets.push(get);
@@ -286,7 +286,7 @@ impl PlanCompiler<'_> {
         }
     }
 
-    /// Compiles steps that stand apart from the others, starting at a multiple of `modulus`.
+    /// Compiles steps separately from the others, starting at a multiple of `modulus`.
     fn apart(
         &mut self,
         modulus: usize,
@@ -300,7 +300,7 @@ impl PlanCompiler<'_> {
     }
 }
 
-/// Goals in one element of a list, or in a field that is none.
+/// Goals in one element of a list, or in a field that is not a list.
 fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedNumber<'a>> {
     let of = |w: &WantedNumber<'a>| {
         let (first, hops) = w.hops.split_first()?;
@@ -315,7 +315,7 @@ fn least(wanted: &[WantedNumber<'_>]) -> u32 {
     last.map_or(0, |last| last + 1)
 }
 
-/// WantedNumber elements of a list of numbers, with their slots.
+/// Wanted elements of a list of numbers, with their slots.
 fn numbered(wanted: &[WantedNumber<'_>]) -> impl Iterator<Item = (usize, usize)> {
     wanted.iter().filter_map(|w| Some((w.hops.first()?.element? as usize, w.slot?)))
 }

@@ -1,7 +1,8 @@
-//! Protobuf messages walked on the wire, without building values and without allocation.
+//! Walk over protobuf messages in wire format, without building values and without allocation.
 //!
-//! As parsers must (<https://protobuf.dev/programming-guides/encoding/>): of a field that comes twice, the last number
-//! counts and messages are merged; lists may be packed or not, whatever the schema says; what is unknown is skipped.
+//! As the specification demands (<https://protobuf.dev/programming-guides/encoding/>): of a repeated number, the last
+//! value counts; repeated messages are merged; lists may be packed or not, whatever the schema says; unknown fields are
+//! skipped.
 
 mod plan;
 mod walk;

@@ -1,19 +1,19 @@
-//! Taking the steps of a [`Plan`] through the bytes of a message, without building values and without allocation.
+//! Execution of a [`Plan`] on the bytes of a message, without building values and without allocation.
 
 use super::malformed::Malformed;
 use super::plan::{Gets, Plan, Step};
 use crate::imu::schema::layout::Number;
 
-/// Bytes a character of a `wstring` takes, by the middleware that wrote it: Fast DDS and Cyclone DDS under ROS 2 write 4
-/// and count characters; Fast CDR by itself writes 2 and counts characters; Cyclone DDS in XCDR2 writes 2 and counts bytes.
+/// Bytes per character of a `wstring`, by writer: Fast DDS and Cyclone DDS under ROS 2 write 4 and count characters;
+/// Fast CDR by itself writes 2 and counts characters; Cyclone DDS in XCDR2 writes 2 and counts bytes.
 const WIDTHS: [usize; 3] = [4, 2, 1];
 
-/// Bytes behind the last field: payloads may be padded to words.
+/// Most bytes after the last field: payloads may be padded to words.
 const PADDING: usize = 3;
 
 impl Plan {
-    /// Walks `data` from byte `origin` on, from which alignment counts; the text found, without its terminator. With
-    /// `LOCATE`, not the numbers themselves are found but the places where they begin.
+    /// Walks `data` from byte `origin` on, from which alignment counts. Returns the text, without its terminator. With
+    /// `LOCATE`, `numbers` receives the offsets of the numbers instead of their values.
     pub(super) fn walk<'d, const BIG: bool, const LOCATE: bool>(
         &self,
         data: &'d [u8],
@@ -24,7 +24,7 @@ impl Plan {
         if !self.wide {
             return Ok(self.walk_with::<BIG, LOCATE>(body, origin, numbers, 1)?.text);
         }
-        // The width is the one with which the message ends nearest to where the payload does.
+        // Use the width with which the message ends closest to the end of the payload.
         let mut best: Option<Fit> = None;
         for width in WIDTHS {
             let Ok(walk) = self.walk_with::<BIG, LOCATE>(body, origin, numbers, width) else { continue };
@@ -57,12 +57,12 @@ impl Plan {
     }
 }
 
-/// Fit of a width of `wstring`s to a payload.
+/// Fit of a `wstring` width to a payload.
 struct Fit {
     width: usize,
-    /// Bytes left over.
+    /// Number of bytes left over.
     padding: usize,
-    /// Of what was read.
+    /// Digest of the values read.
     digest: u32,
 }
 
@@ -71,7 +71,7 @@ struct PlanWalk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
     origin: usize,
     body: &'d [u8],
     at: usize,
-    /// Bytes a character of a `wstring` takes.
+    /// Bytes per character of a `wstring`.
     wide: usize,
     numbers: &'n mut [f64],
     text: &'d [u8],
@@ -132,7 +132,7 @@ impl<'d, const BIG: bool, const LOCATE: bool> PlanWalk<'_, 'd, '_, BIG, LOCATE> 
         Ok(())
     }
 
-    /// Every element takes at least a byte, so that an absurd count ends at the end of the payload.
+    /// Repeats a body. Every element takes at least a byte, so an absurd count stops at the end of the payload.
     fn repeat(&mut self, count: u32, body: &[Step]) -> Result<(), Malformed> {
         if !body.is_empty() {
             for _ in 0..count {
@@ -178,7 +178,7 @@ impl<'d, const BIG: bool, const LOCATE: bool> PlanWalk<'_, 'd, '_, BIG, LOCATE> 
 }
 
 impl Number {
-    /// The number that `bytes` begin with. Integers beyond 2⁵³ are rounded.
+    /// Number at the beginning of `bytes`. Integers beyond 2⁵³ are rounded.
     #[inline]
     pub(super) fn read<const BIG: bool>(self, bytes: &[u8]) -> Option<f64> {
         Some(match self {

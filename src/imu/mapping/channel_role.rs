@@ -1,4 +1,4 @@
-//! VectorUse that is made of a channel.
+//! Role of a channel, and the vectors that are read from it.
 
 use std::fmt;
 
@@ -11,37 +11,37 @@ use crate::imu::schema::path::FieldPath;
 /// Role of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ChannelRole {
-    /// Samples are taken from it.
+    /// Samples are read from it.
     Used(Vec<VectorUse>),
-    /// It says where the recording is made, and so how long gravity is.
+    /// It provides the position of the recording, and so the magnitude of gravity.
     Position,
-    /// It would be used, or might be, but cannot be read: why, in one line.
+    /// It should or might be used, but cannot be read; the reason in one line.
     Skipped(String),
-    /// It is not an IMU as far as its type tells.
+    /// It is not an IMU, judging by its type.
     Other {
         /// Paths of the vectors in its messages.
         vectors: Vec<FieldPath>,
-        /// What it might be, where the names tell.
+        /// Possible IMU or accelerometer, judging by the names.
         suggestion: Option<Box<Suggestion>>,
     },
     /// JSON without a schema, of which no message has been seen.
     Untold,
-    /// Stillpoint wrote it.
+    /// Written by Stillpoint.
     Annotation,
 }
 
-/// One vector that is read from the messages of a channel.
+/// A vector that is read from the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VectorUse {
     /// Output name of the IMU it belongs to; further IMUs on the same topic have their `frame_id` appended.
     pub imu: String,
-    /// Which triad it is.
+    /// Triad that it is.
     pub sensor: Sensor,
     /// Name of the triad: `accelerometer`, `gyroscope`, or that of the secondary.
     pub name: String,
-    /// Where it stands in the message.
+    /// Path in the message.
     pub path: String,
-    /// Where its x, y and z stand.
+    /// Paths of its x, y and z.
     pub axes: [String; 3],
 }
 

@@ -1,31 +1,31 @@
-//! First readings of a triad: how large they are at rest, and whether two triads read the same.
+//! First readings of a triad: their magnitude at rest, and the relation of two triads.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::Stamp;
 use crate::imu::sample::Sample;
 
-/// The first readings of a triad.
+/// First readings of a triad.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FirstReadings(Vec<Sample>);
 
 /// Relation of two accelerometers with the same stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Relation {
-    /// The same, value for value.
+    /// Identical values.
     Same,
-    /// One is a matrix times the other, and an offset.
+    /// One is an affine function of the other: a matrix and an offset.
     Affine,
 }
 
-/// Readings that are looked at.
+/// Number of readings that are kept.
 const MOST: usize = 1000;
 
-/// Readings of the quietest of which one may hope that it is at rest.
+/// Length of the windows, in readings; the quietest one is probably at rest.
 const WINDOW: usize = 50;
 
 impl FirstReadings {
-    /// Takes a reading.
+    /// Adds a reading.
     pub fn push(&mut self, sample: Sample) {
         if self.wants_more() {
             self.0.push(sample);
@@ -37,7 +37,8 @@ impl FirstReadings {
         self.0.len() < MOST
     }
 
-    /// Magnitude of the readings where they vary least, and whether they vary by less than a tenth of it there.
+    /// Magnitude of the readings in the quietest window, and whether their standard deviation there is below a tenth of
+    /// it.
     pub fn at_rest(&self) -> Option<(f64, bool)> {
         let spread = |window: &&[Sample]| {
             let mean = mean(window);
@@ -50,7 +51,7 @@ impl FirstReadings {
         Some((magnitude, deviation < magnitude / 10.0))
     }
 
-    /// Whether two sensors seem to take turns: each reading is far from the one before, and near the one before that.
+    /// Whether two sensors seem to alternate: each reading is far from the previous one, and near the one before that.
     pub fn alternates(&self) -> bool {
         let steps = |distance: usize| {
             let pairs = self.0.iter().zip(self.0.iter().skip(distance));
@@ -75,7 +76,7 @@ impl FirstReadings {
     }
 
     fn at(&self, stamp: Stamp) -> Option<Vector3<f64>> {
-        // Stamps mostly increase; where they do not, a reading may be missed.
+        // Stamps mostly increase; otherwise a reading may be missed.
         let at = self.0.binary_search_by_key(&stamp, |sample| sample.stamp).ok()?;
         self.0.get(at).map(|sample| sample.value)
     }
@@ -85,7 +86,7 @@ fn mean(samples: &[Sample]) -> Vector3<f64> {
     samples.iter().map(|sample| sample.value).sum::<Vector3<f64>>() / samples.len().max(1) as f64
 }
 
-/// Whether least squares explain all but a thousandth of the second vectors' deviation by the first.
+/// Whether a least-squares map of the first vectors explains the second up to a thousandth of their deviation.
 fn is_affine(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> bool {
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((Vector3::zeros(), Vector3::zeros()), |(a, b), pair| (a + pair.0, b + pair.1));

@@ -1,4 +1,4 @@
-//! Types whose vectors are known by name, wherever a message holds them.
+//! Types whose vectors are known by name, at any place in a message.
 
 use crate::imu::schema::layout::Layout;
 use crate::imu::schema::path::FieldPath;
@@ -6,19 +6,19 @@ use crate::imu::schema::path::FieldPath;
 /// Places of the vectors of a well-known type in a message.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::imu) struct KnownType {
-    /// The message of that type; the empty path if it is the whole message.
+    /// Path of the message of that type; empty if it is the whole message.
     pub(in crate::imu) inside: FieldPath,
     pub(in crate::imu) accel: Option<KnownVector>,
     pub(in crate::imu) gyro: Option<KnownVector>,
-    /// Its stamp in microseconds, where it has no header.
+    /// Stamp in microseconds, if it has no header.
     pub(in crate::imu) micros: Option<FieldPath>,
-    /// A number that tells sensors on one topic apart.
+    /// Number that identifies the sensor, if several share a topic.
     pub(in crate::imu) device: Option<FieldPath>,
     /// Whether its topics are IMUs even if the configuration does not mention them.
     pub(in crate::imu) imu: bool,
 }
 
-/// One vector, and what the message says about it.
+/// A vector, and further information about it in the message.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::imu) struct KnownVector {
     pub(in crate::imu) vector: FieldPath,
@@ -26,7 +26,7 @@ pub(in crate::imu) struct KnownVector {
     pub(in crate::imu) over: Option<FieldPath>,
     /// Numbers that are not zero if the sensor reached the end of its range.
     pub(in crate::imu) clipping: Vec<FieldPath>,
-    /// Changes with the calibration that the driver applies.
+    /// Number that changes with the calibration that the driver applies.
     pub(in crate::imu) round: Option<FieldPath>,
 }
 
@@ -39,11 +39,11 @@ pub(in crate::imu) fn known(layout: &Layout) -> Vec<KnownType> {
     inside.filter_map(|(path, name)| of_type(name, &path)).filter(|known| known.imu).collect()
 }
 
-/// Known type by the name `package/Type`, where it stands at `inside`.
+/// Known type by the name `package/Type`, of a message at `inside`.
 ///
-/// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Their stamps count
-/// from the start of the system. Of `SensorCombined` it is that of the gyroscope; the accelerometer's is within a few
-/// milliseconds of it, which no rest notices.
+/// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Stamps count
+/// from the start of the system. In `SensorCombined` it is the stamp of the gyroscope; the accelerometer's differs by a
+/// few milliseconds, which is irrelevant to rests.
 fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
     let at = |text: &str| text.parse().ok().map(|path| inside.within(&path));
     let part = |vector| Some(KnownVector { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });

@@ -1,5 +1,5 @@
-//! One IMU on two topics, as RealSense cameras and PX4 publish it: which topics belong together. Both are known by
-//! their types; what they have in common is their names.
+//! One IMU on two topics, as RealSense cameras and PX4 publish it. The two topics are matched by their types and by the
+//! common part of their names.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,15 +11,15 @@ use crate::imu::config::VectorPath;
 pub(in crate::imu) struct PairedTopic {
     pub(in crate::imu) topic: String,
     pub(in crate::imu) side: Side,
-    /// What the names of both halves have in common.
+    /// Common part of the topics of both halves.
     key: String,
-    /// Type of the messages, up to the side.
+    /// Common part of the types of both halves.
     family: String,
-    /// The source of the IMU whose accelerometer it is.
+    /// Source of the IMU whose accelerometer it is.
     pub(in crate::imu) source: Option<usize>,
     /// Its only vector, if its type is not known.
     pub(in crate::imu) vector: Option<VectorPath>,
-    /// What would take the readings of the gyroscope.
+    /// Route that would read the gyroscope.
     pub(in crate::imu) gyro: Option<Route>,
 }
 
@@ -31,7 +31,7 @@ pub(in crate::imu) enum Side {
 }
 
 impl PairedTopic {
-    /// A topic that is named after one of the triads.
+    /// Half for a topic that is named after one of the triads; `None` for other topics.
     pub(in crate::imu) fn new(topic: &str, type_name: &str) -> Option<Self> {
         let (side, key) = parted(&topic.to_lowercase())?;
         let lower = type_name.to_lowercase();
@@ -39,7 +39,7 @@ impl PairedTopic {
         Some(Self { topic: topic.to_owned(), side, key, family, source: None, gyro: None, vector: None })
     }
 
-    /// What both halves of an IMU have in common.
+    /// Key that both halves of an IMU share.
     pub(in crate::imu) fn common(&self) -> (String, String) {
         (self.key.clone(), self.family.clone())
     }
@@ -50,7 +50,7 @@ impl PairedTopic {
     }
 }
 
-/// The triad in a name, and the name without it; none if there is no triad or more than one.
+/// Triad in a name, and the name without it; `None` if there is no triad or more than one.
 fn parted(name: &str) -> Option<(Side, String)> {
     const WORDS: [(&str, Side); 10] = [
         ("accelerometer", Side::Accelerometer),

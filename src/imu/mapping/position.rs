@@ -1,4 +1,4 @@
-//! Position where the recording is made: the first valid one in it counts.
+//! Position of the recording: the first valid one in it.
 
 use std::collections::BTreeMap;
 
@@ -14,21 +14,21 @@ use crate::imu::schema::path::FieldPath;
 pub struct Position {
     /// Geodetic latitude, degrees north.
     pub latitude_deg: f64,
-    /// Height above the ellipsoid, m, if it was told.
+    /// Height above the ellipsoid, m, if known.
     pub height_m: Option<f64>,
 }
 
-/// Looks for the first valid position.
+/// Search for the first valid position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu) struct PositionSearch {
-    /// The configured topic; else every topic of a known type is listened to.
+    /// Configured topic; if absent, every topic of a known type is used.
     topic: Option<String>,
-    /// Until one is found.
+    /// Channels to search, until a position is found.
     routes: BTreeMap<u16, PositionFields>,
     found: Option<Position>,
 }
 
-/// Places of the numbers of a position in the messages of a channel.
+/// Places of a position's numbers in the messages of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct PositionFields {
     decoder: Decoder,
@@ -38,7 +38,7 @@ struct PositionFields {
     status: Option<usize>,
 }
 
-/// Types that are known to be positions.
+/// Known types of positions.
 const KNOWN: [&str; 3] = ["sensor_msgs/NavSatFix", "foxglove.LocationFix", "foxglove/LocationFix"];
 
 impl PositionSearch {
@@ -46,15 +46,15 @@ impl PositionSearch {
         Self { topic, ..Self::default() }
     }
 
-    /// The configured topic.
+    /// Configured topic.
     pub(in crate::imu) fn topic(&self) -> Option<&str> {
         self.topic.as_deref()
     }
 
-    /// Listens to a channel if it is one of positions, and says whether it is.
+    /// Adds a channel. Returns whether it provides positions.
     ///
     /// # Errors
-    /// If it is the configured one and has none.
+    /// If it is the configured one and has no position.
     pub(in crate::imu) fn channel(&mut self, id: u16, topic: &str, layout: &Layout) -> Result<bool, PathError> {
         let wanted = match &self.topic {
             Some(configured) => configured == topic,
@@ -73,7 +73,7 @@ impl PositionSearch {
         self.routes.contains_key(&channel)
     }
 
-    /// Takes a message of a channel that is wanted; the position, if it is the first valid one.
+    /// Reads a message of a wanted channel. Returns the first valid position.
     pub(in crate::imu) fn message(&mut self, channel: u16, data: &[u8]) -> Option<Position> {
         let fix = self.routes.get_mut(&channel)?.read(data)?;
         self.found = Some(fix);
@@ -99,8 +99,8 @@ impl PositionFields {
         Ok(Self { decoder, numbers: vec![0.0; places.len()], altitude, status })
     }
 
-    /// The position of a message, if it is a valid one: not marked as no fix, on the Earth, and not the (0, 0) of a
-    /// receiver that has not found itself yet.
+    /// Position of a message, if it is valid: not marked as no fix, on the Earth, and not the (0, 0) of a receiver
+    /// without a fix.
     fn read(&mut self, data: &[u8]) -> Option<Position> {
         self.decoder.read(data, &mut self.numbers).ok()?;
         let number = |place: Option<usize>| place.and_then(|place| self.numbers.get(place)).copied();

@@ -1,4 +1,4 @@
-//! Refusals of messages and readings: why, and how often.
+//! Refusals of messages and readings: causes and counts.
 
 use std::fmt;
 
@@ -7,21 +7,21 @@ use serde::{Deserialize, Serialize};
 /// Reason why a message or a reading is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Cause {
-    /// The payload is not what the schema says; it was cut off, for instance.
+    /// The payload does not match the schema; it was cut off, for instance.
     Malformed,
-    /// The log time lies beyond the year 2262.
+    /// The log time is beyond the year 2262.
     LogTime,
-    /// NaN, infinity, or left out of the message.
+    /// NaN, infinity, or missing in the message.
     NotFinite,
-    /// The message says so itself: `covariance[0]` is −1.
+    /// Marked as not measured: `covariance[0]` is −1.
     NotMeasured,
-    /// An increment over no time at all.
+    /// An increment over a time of zero.
     NoTime,
     /// All three axes have been exactly zero since the start: there is no such sensor.
     Zero,
-    /// A topic that serves one IMU changed its `frame_id`.
+    /// The `frame_id` changed on a topic that serves one IMU.
     ForeignFrame,
-    /// More `frame_id`s than any recording has.
+    /// More `frame_id`s than any real recording has.
     TooManyFrames,
 }
 
@@ -56,13 +56,13 @@ impl fmt::Display for Cause {
 /// Number of refusals of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefusalCount {
-    /// Where the messages came from.
+    /// Topic of the messages.
     pub topic: String,
     /// Name of the triad, unless whole messages were refused.
     pub sensor: Option<String>,
-    /// Why.
+    /// Cause of the refusals.
     pub cause: Cause,
-    /// How often.
+    /// Number of refusals.
     pub count: u64,
 }
 
@@ -76,23 +76,23 @@ impl fmt::Display for RefusalCount {
     }
 }
 
-/// Something that people should know, said when it is first seen.
+/// A notice to users, given at the first occurrence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
-    /// Log time of the message that showed it.
+    /// Log time of the message that caused it, in nanoseconds.
     pub log_time: u64,
-    /// The topic of that message.
+    /// Topic of that message.
     pub topic: String,
     /// One line, topic included.
     pub text: String,
 }
 
-/// Refusals by cause.
+/// Number of refusals by cause.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu) struct Counts([u64; Cause::ALL.len()]);
 
 impl Counts {
-    /// Count of the cause, this time included.
+    /// Counts a refusal. Returns the number for this cause so far.
     pub(in crate::imu) fn count(&mut self, cause: Cause) -> u64 {
         let Some(count) = self.0.get_mut(cause as usize) else { return 0 };
         *count += 1;

@@ -1,5 +1,5 @@
-//! Registry of the IMUs that have been seen: one for each `frame_id` on a topic, with a name of its own, from the first
-//! reading of its accelerometer on.
+//! Registry of the IMUs seen so far: one for each `frame_id` on a topic, with a unique name, from the first reading of
+//! its accelerometer on.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -14,36 +14,36 @@ use crate::imu::sample::{ImuId, Sensor};
 /// An IMU that has been seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Imu {
-    /// What its annotation topics begin with. No two IMUs share one.
+    /// First part of the names of its annotation topics. No two IMUs share one.
     pub name: String,
     /// Topic of its accelerometer.
     pub topic: String,
-    /// Coordinate frame that its readings are in, as far as the messages tell.
+    /// Coordinate frame of its readings, if the messages state one.
     pub frame_id: String,
-    /// Its triads as far as channels for them have been seen or configured.
+    /// Triads for which channels have been seen or configured.
     pub triads: Vec<Triad>,
-    /// Whether a reference is beside it.
+    /// Whether it has a reference.
     pub reference: bool,
-    /// Unit of its accelerometer, if the configuration sets one.
+    /// Unit of its accelerometer, if configured.
     pub accel_unit: Option<AccelUnit>,
-    /// Unit of its gyroscope likewise.
+    /// Unit of its gyroscope, if configured.
     pub gyro_unit: Option<RateUnit>,
-    /// By [`Sensor::index`]: whether it has read nothing but zeros so far.
+    /// Whether a triad has read only zeros so far, by [`Sensor::index`].
     pub(in crate::imu) silent: Vec<bool>,
 }
 
 /// One triad of an IMU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Triad {
-    /// Which one it is.
+    /// Sensor of the IMU.
     pub sensor: Sensor,
     /// `accelerometer`, `gyroscope`, or the configured name of the secondary.
     pub name: String,
-    /// Topic that its readings come from.
+    /// Topic of its readings.
     pub topic: String,
-    /// Which sensor it is, if the configuration says so.
+    /// Sensor model, if configured.
     pub preset: Option<Preset>,
-    /// Which measurement model it has, if it is a secondary accelerometer.
+    /// Measurement model, if it is a secondary accelerometer.
     pub model: SecondaryModel,
 }
 
@@ -59,10 +59,10 @@ impl Triad {
     }
 }
 
-/// `frame_id`s on one topic beyond which they are taken for noise.
+/// Largest number of `frame_id`s on one topic; more are noise.
 const MAX_FRAMES: usize = 16;
 
-/// Whose reading it is; nobody's before the accelerometer of the IMU has been seen.
+/// IMU that a reading belongs to; `None` before the accelerometer of the IMU has been seen.
 pub(in crate::imu) fn owner(
     source: &mut Source,
     imus: &mut Vec<Imu>,
@@ -118,14 +118,14 @@ fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) ->
     Some(id)
 }
 
-/// Lets a value through, unless the triad has read nothing but zeros so far.
+/// Accepts a value, unless the triad has read only zeros so far.
 pub(in crate::imu) fn admit(
     imus: &mut [Imu],
     id: ImuId,
     sensor: Sensor,
     value: Vector3<f64>,
 ) -> Result<Vector3<f64>, Cause> {
-    // A reference may well say that nothing moves.
+    // A reference may correctly report no motion.
     if matches!(sensor, Sensor::Reference(_)) {
         return Ok(value);
     }
@@ -139,7 +139,7 @@ pub(in crate::imu) fn admit(
     Ok(value)
 }
 
-/// A name that no IMU has yet: the base, with the frame appended if it is not the first one, and a number if need be.
+/// Unused name for an IMU: the base, with the frame appended if it is not the first one, and a number if needed.
 fn free_name(base: String, frame: Option<&String>, imus: &[Imu]) -> String {
     let legal = |c: char| if c.is_ascii_alphanumeric() || c == '/' { c } else { '_' };
     let base = match frame {

@@ -1,5 +1,5 @@
-//! Route from the messages of one channel to readings of one IMU, compiled once from the channel's layout and what is
-//! asked of it.
+//! Route from the messages of one channel to readings of one IMU, compiled once from the channel's layout and the
+//! requests.
 
 use std::borrow::Cow;
 use std::io::Write as _;
@@ -22,29 +22,29 @@ use crate::imu::schema::layout::{Layout, Place};
 use crate::imu::schema::lookup::PathError;
 use crate::imu::schema::path::FieldPath;
 
-/// A channel that samples of an IMU are taken from.
+/// A channel that provides samples of an IMU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu) struct Route {
     pub(in crate::imu) topic: String,
-    /// Index of the source that asked.
+    /// Index of the source that requested it.
     pub(in crate::imu) source: usize,
     pub(in crate::imu) taps: Vec<Tap>,
     pub(in crate::imu) counts: Counts,
-    /// Messages that it could read.
+    /// Number of messages read.
     pub(in crate::imu) messages: u64,
-    /// The frames met so far, the first one always.
+    /// Frames met so far, the first one always.
     pub(in crate::imu) frames: Vec<Vec<u8>>,
-    /// Whether the frames of this topic belong to the frames of the accelerometer's in the order in which they appear.
+    /// Whether the frames of this topic correspond to the frames of the accelerometer's topic in order of appearance.
     pub(in crate::imu) in_order: bool,
     decoder: Decoder,
     clock: TimeSource,
-    /// Index of the number that stands for the frame, if one does.
+    /// Index of the number that replaces the frame, if any.
     device: Option<usize>,
-    /// What the decoder last read: the stamp if there is one, then each tap's numbers.
+    /// Numbers of the last message: the stamp if there is one, then each tap's numbers.
     numbers: Vec<f64>,
 }
 
-/// One vector of a message, and what the message says about it, by indices into the numbers.
+/// A vector of a message and the related fields, as indices into the numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu) struct Tap {
     pub(in crate::imu) sensor: Sensor,
@@ -54,23 +54,23 @@ pub(in crate::imu) struct Tap {
     pub(in crate::imu) with_accel: bool,
     pub(in crate::imu) counts: Counts,
     factor: f64,
-    /// Its x; y and z follow.
+    /// Index of its x; y and z follow.
     at: usize,
-    /// X of a vector that is added; y and z follow.
+    /// Index of the x of a vector that is added; y and z follow.
     plus: Option<usize>,
-    /// Its `covariance[0]`.
+    /// Index of its `covariance[0]`.
     covariance: Option<usize>,
-    /// Microseconds over which it is an increment.
+    /// Index of the microseconds over which it is an increment.
     over: Option<usize>,
     clipping: Range<usize>,
     round: Option<usize>,
-    /// The calibration that the driver applied to the last reading.
+    /// Calibration that the driver applied to the last reading.
     last_round: Option<u64>,
-    /// Whose reading the last message gave, if it gave one.
+    /// IMU of the reading in the last message, if there was one.
     pub(in crate::imu) last: Option<ImuId>,
 }
 
-/// Sensor on a topic that a message is from: its `frame_id`, or the digits of its device.
+/// Sensor of a message, if several share a topic: its `frame_id`, or the digits of its device.
 pub(in crate::imu) enum Frame<'d> {
     Text(Cow<'d, [u8]>),
     Digits { bytes: [u8; 20], len: usize },
@@ -86,7 +86,7 @@ pub(in crate::imu) enum RouteError {
 }
 
 impl Route {
-    /// Compiles the requests of a source, that for the accelerometer last.
+    /// Compiles the requests of a source, of which the accelerometer's is the last.
     pub(in crate::imu) fn new(
         topic: &str,
         layout: &Layout,
@@ -156,7 +156,7 @@ impl Route {
         })
     }
 
-    /// Reads one message: when it was measured, and by which sensor.
+    /// Reads one message. Returns its stamp and its sensor.
     pub(in crate::imu) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
         let text = self.decoder.read(data, &mut self.numbers)?;
         self.messages += 1;
@@ -186,8 +186,8 @@ impl Route {
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
-    /// The last message, which is `data`, with other readings in m/s² or rad/s in the place of some; `None` if nothing
-    /// changes, or nothing can.
+    /// Rewrites the last message, which is `data`, with other readings in m/s² or rad/s; `None` if nothing changes, or
+    /// nothing can.
     pub(in crate::imu) fn rewrite(
         &self,
         data: &[u8],
@@ -207,18 +207,19 @@ impl Route {
         }
     }
 
-    /// What is added to the reading of a tap, in its unit, if anything is: a zero would take the sign of another.
+    /// Vector added to the reading of a tap, in its unit; `None` without one, since adding zeros would change the sign
+    /// of −0.
     fn added(&self, tap: &Tap) -> Option<Vector3<f64>> {
         let [x, y, z] = tap.plus.and_then(|at| self.numbers.get(at..)?.first_chunk())?;
         Some(Vector3::new(*x, *y, *z))
     }
 
-    /// Whether the last message says that the reading of a tap is clipped.
+    /// Whether the last message marks the reading of a tap as clipped.
     pub(in crate::imu) fn is_clipped(&self, tap: &Tap) -> bool {
         self.numbers.get(tap.clipping.clone()).unwrap_or_default().iter().any(|&count| count > 0.0)
     }
 
-    /// Whether the last message says that the driver began to apply another calibration.
+    /// Whether the last message shows that the driver began to apply another calibration.
     pub(in crate::imu) fn begins_round(&mut self, tap: usize) -> bool {
         let Some(at) = self.taps.get(tap).and_then(|tap| tap.round) else { return false };
         let round = self.number(Some(at)).map(|round| round as u64);
@@ -227,7 +228,7 @@ impl Route {
         last.is_some() && last != round
     }
 
-    /// Whether its sensors are told apart by a number of their own.
+    /// Whether its sensors are distinguished by a device number.
     pub(in crate::imu) fn has_devices(&self) -> bool {
         self.device.is_some()
     }
@@ -238,7 +239,7 @@ impl Route {
 }
 
 impl Tap {
-    /// Its use by the IMU of this name.
+    /// Use of the tap by the IMU of this name.
     pub(in crate::imu) fn used_by(&self, imu: String) -> VectorUse {
         VectorUse {
             imu,
@@ -254,7 +255,7 @@ impl Frame<'_> {
     fn digits(device: u64) -> Self {
         let mut bytes = [0; 20];
         let mut rest = &mut bytes[..];
-        // 20 digits are enough for any number of 64 bits.
+        // 20 digits are enough for any 64-bit number.
         let left = if write!(rest, "{device}").is_ok() { rest.len() } else { 20 };
         Self::Digits { bytes, len: 20 - left }
     }
@@ -277,7 +278,7 @@ struct Axes<'a> {
     axes: [FieldPath; 3],
     places: [Place; 3],
     covariance: Option<Place>,
-    /// What the message says about them.
+    /// Further information in the message about the vector.
     part: Option<&'a KnownVector>,
 }
 

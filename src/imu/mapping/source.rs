@@ -1,5 +1,4 @@
-//! The IMUs that are asked for, by the configuration or by being of a known type: which vector of which topic each of
-//! their triads is.
+//! Requested IMUs, by the configuration or by a known type, with the topics and vectors of their triads.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,13 +10,13 @@ use crate::imu::preset::Preset;
 use crate::imu::sample::{ImuId, Quantity, Sensor};
 use crate::imu::schema::path::FieldPath;
 
-/// One table of the configuration, or a topic that needs none.
+/// A table of the configuration, or a topic that needs none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu) struct Source {
     config: ImuConfig,
-    /// The message inside those of the topic that is the IMU, where there are several.
+    /// Path of the IMU's message inside those of the topic, if there are several.
     inside: Option<FieldPath>,
-    /// What was found on its accelerometer's topic, by `frame_id`.
+    /// IMUs found on its accelerometer's topic, by `frame_id`.
     pub(in crate::imu) imus: Vec<(Vec<u8>, ImuId)>,
 }
 
@@ -26,7 +25,7 @@ impl Source {
         Self { config, inside: None, imus: Vec::new() }
     }
 
-    /// A topic, or one of several IMUs in its messages, that needs no configuration.
+    /// Source for a topic that needs no configuration, or for one of several IMUs in its messages.
     pub(in crate::imu) fn found(topic: &str, known: &KnownType, alone: bool) -> Self {
         let inside = known.inside.to_string().replace('.', "/");
         let name = (!alone).then(|| format!("{topic}/{inside}"));
@@ -34,7 +33,7 @@ impl Source {
         Self { config, inside: Some(known.inside.clone()), imus: Vec::new() }
     }
 
-    /// Its gyroscope turned out to be on a topic of its own.
+    /// Sets the topic of a gyroscope that was found on a topic of its own.
     pub(in crate::imu) fn gyro_on(&mut self, topic: &str) {
         self.config.gyro = Some(VectorConfig { topic: Some(topic.to_owned()), ..VectorConfig::default() });
     }
@@ -48,7 +47,7 @@ impl Source {
         }
     }
 
-    /// Kind of sensor of a triad, if the configuration says so.
+    /// Sensor model of a triad, if configured.
     pub(in crate::imu) fn preset(&self, sensor: Sensor) -> Option<Preset> {
         match sensor {
             Sensor::Secondary(i) => self.config.secondary.get(i)?.preset,
@@ -67,7 +66,7 @@ impl Source {
         }
     }
 
-    /// Name that its annotation topics begin with.
+    /// First part of the names of its annotation topics.
     pub(in crate::imu) fn name(&self) -> String {
         match &self.config.name {
             Some(name) if name.starts_with('/') => name.clone(),
@@ -98,13 +97,13 @@ impl Source {
         [accel].into_iter().chain(gyro).chain(others)
     }
 
-    /// Units of its accelerometer and gyroscope, where they are set.
+    /// Units of its accelerometer and gyroscope, if configured.
     pub(in crate::imu) fn units(&self) -> (Option<AccelUnit>, Option<RateUnit>) {
         let ImuConfig { accel, gyro, .. } = &self.config;
         (accel.as_ref().and_then(|accel| accel.unit), gyro.as_ref().and_then(|gyro| gyro.unit))
     }
 
-    /// Whether a reference is beside it.
+    /// Whether it has a reference.
     pub(in crate::imu) fn has_reference(&self) -> bool {
         self.config.reference.is_some()
     }
@@ -114,8 +113,8 @@ impl Source {
         self.config.secondary.len()
     }
 
-    /// Vectors that it reads from a topic whose type is known as `known`: the accelerometer last, so that its sample finds
-    /// those of the others.
+    /// Requests to a topic whose type is `known`. The accelerometer's is the last, so that the other samples of a
+    /// message come before it.
     pub(in crate::imu) fn requests<'a>(&'a self, topic: &str, known: Option<&'a KnownType>) -> Vec<Request<'a>> {
         let with_accel = topic == self.topic();
         let mut requests = Vec::new();
@@ -213,7 +212,7 @@ impl Source {
 }
 
 impl ReferenceConfig {
-    /// Of the force and of the rate.
+    /// Topics of the force and of the rate.
     fn topics(&self) -> [&str; 2] {
         [own_topic(&self.accel).unwrap_or(&self.topic), own_topic(&self.gyro).unwrap_or(&self.topic)]
     }

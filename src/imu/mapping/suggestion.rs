@@ -1,4 +1,4 @@
-//! Offered mapping of an unknown message: its vectors recognised by their names, and the configuration that says so, as
+//! Suggested mapping of an unknown message: its vectors recognised by their names, and the configuration for them, as
 //! lines and as a setting.
 
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use crate::imu::config::{AccelUnit, CovarianceUse, ImuConfig, RateUnit, Secondar
 use crate::imu::schema::layout::Layout;
 use crate::{printable, printable_json};
 
-/// Likeness of a channel by the names in it.
+/// Suggested use of a channel, judging by its names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Suggestion {
     /// An IMU.
@@ -18,7 +18,7 @@ pub enum Suggestion {
 }
 
 impl Suggestion {
-    /// Likeness told by the names on a channel of an unknown type.
+    /// Suggestion for a channel of an unknown type, judging by its names.
     pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
         let candidates = candidates(layout);
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
@@ -33,8 +33,8 @@ impl Suggestion {
                 VectorConfig { path: Some(path.clone()), unit, ..VectorConfig::default() }
             });
             let gravity = candidates.iter().find(|(name, _)| name == "gravity").map(|(_, path)| path);
-            // What a phone takes gravity out of is an acceleration; both together are what its accelerometer reads, in g
-            // where the names are Apple's.
+            // Where a phone removes gravity, its sum with the acceleration is the reading of the accelerometer; in g if
+            // the names are Apple's.
             let (plus, unit) = match gravity {
                 Some(VectorPath::Whole(gravity)) if is_without_gravity(name) => {
                     let unit = if name == "useracceleration" { Some(AccelUnit::StandardGravity) } else { unit };
@@ -45,7 +45,7 @@ impl Suggestion {
             let accel = Some(VectorConfig { path: Some(accel.clone()), plus, unit, ..VectorConfig::default() });
             return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
         }
-        // The one vector of a message whose topic says what it is.
+        // The only vector of a message whose topic names an accelerometer.
         let [_] = layout.vectors().as_slice() else { return None };
         if !is_accel(&topic.to_lowercase()) {
             return None;
@@ -61,7 +61,7 @@ impl Suggestion {
         Some(Self::Accelerometer(secondary))
     }
 
-    /// The only vector of a message.
+    /// Only vector of a message.
     pub(in crate::imu) fn only_vector(layout: &Layout) -> Option<VectorPath> {
         match candidates(layout).as_slice() {
             [(_, path)] => Some(path.clone()),
@@ -69,7 +69,7 @@ impl Suggestion {
         }
     }
 
-    /// An IMU whose halves are the only vectors of topics of unknown types.
+    /// IMU whose halves are the only vectors of topics of unknown types.
     pub(in crate::imu) fn of_vectors((accel, path): (&str, VectorPath), (gyro, of_gyro): (&str, VectorPath)) -> Self {
         let gyro = VectorConfig { topic: Some(gyro.to_owned()), path: Some(of_gyro), ..VectorConfig::default() };
         let accel_config = VectorConfig { path: Some(path), ..VectorConfig::default() };
@@ -81,13 +81,13 @@ impl Suggestion {
         })
     }
 
-    /// An IMU whose halves are topics of known types.
+    /// IMU whose halves are topics of known types.
     pub(in crate::imu) fn of_halves(accel: &str, gyro: &str) -> Self {
         let gyro = VectorConfig { topic: Some(gyro.to_owned()), ..VectorConfig::default() };
         Self::Imu(ImuConfig { topic: accel.to_owned(), gyro: Some(gyro), ..ImuConfig::default() })
     }
 
-    /// The configuration, in a recording whose first IMU is on `primary`.
+    /// Configuration, in a recording whose first IMU is on `primary`.
     pub fn config(&self, primary: Option<&str>) -> ImuConfig {
         match (self, primary) {
             (Self::Imu(imu), _) => imu.clone(),
@@ -103,7 +103,7 @@ impl Suggestion {
     }
 }
 
-/// The path to a message's only vector, for a configuration; none if the type is known by name.
+/// Path to a message's only vector, for a configuration; `None` if the type is known by name.
 fn only_vector(layout: &Layout) -> Option<VectorConfig<AccelUnit>> {
     if !known(layout).is_empty() {
         return None;
@@ -113,7 +113,7 @@ fn only_vector(layout: &Layout) -> Option<VectorConfig<AccelUnit>> {
 }
 
 impl ImuConfig {
-    /// The table, as it stands in a configuration file.
+    /// Table for a configuration file.
     pub fn lines(&self) -> String {
         let mut text = "[[imu]]\n".to_owned();
         self.entries().iter().for_each(|entry| text += &format!("{entry}\n"));
@@ -124,7 +124,7 @@ impl ImuConfig {
         text
     }
 
-    /// The same as a setting: `imu=[{topic = "…"}]`.
+    /// Setting on one line: `imu=[{topic = "…"}]`.
     pub fn setting(&self) -> String {
         let mut entries = self.entries();
         if !self.secondary.is_empty() {
@@ -153,7 +153,7 @@ impl SecondaryConfig {
 }
 
 impl<Unit: Copy> VectorConfig<Unit> {
-    /// As a value, given what units are called.
+    /// Inline value; `name` gives the names of units.
     fn inline(&self, name: fn(Unit) -> &'static str) -> String {
         let path = self.path.as_ref().map(|path| match path {
             VectorPath::Whole(path) => quoted(&path.to_string()),
@@ -179,15 +179,15 @@ impl<Unit: Copy> VectorConfig<Unit> {
 fn quoted(text: &str) -> String {
     match printable(text) == text {
         true => toml::Value::String(text.to_owned()).to_string(),
-        // On one line: JSON's escapes are TOML's, too.
+        // On one line: the escapes of JSON are valid in TOML, too.
         false => printable_json(&serde_json::Value::from(text).to_string()).into_owned(),
     }
 }
 
-/// Vectors, and triples of numbers that are called like axes, by the lowercase name that tells what they are.
+/// Vectors, and triples of numbers that are named like axes, by the lowercase name that shows their meaning.
 fn candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
     let vectors = layout.vectors().into_iter().map(|path| {
-        // `accel.value` is called by the message around it.
+        // `accel.value` is named after the message around it.
         let own = path.name().to_lowercase();
         let around = path.parent().map(|parent| parent.name().to_lowercase()).filter(|name| !name.is_empty());
         let name = if is_accel(&own) || is_gyro(&own) { own } else { around.unwrap_or(own) };
@@ -202,7 +202,7 @@ fn is_accel(name: &str) -> bool {
         || words.iter().any(|word| name.contains(word)) && !["ang", "cov", "bias"].iter().any(|w| name.contains(w))
 }
 
-/// Whether gravity was taken out of it, by its name.
+/// Whether gravity was removed from it, judging by its name.
 fn is_without_gravity(name: &str) -> bool {
     name.contains("useracc") || name.contains("user_acc")
 }

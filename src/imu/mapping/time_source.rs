@@ -1,4 +1,4 @@
-//! Source of a message's time: its stamp, where it stands, or its log time.
+//! Source of a message's time: its stamp, or its log time.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::imu::decode::Decoder;
 use crate::imu::schema::layout::{Layout, Place};
 use crate::imu::schema::path::FieldPath;
 
-/// Tells when the messages of a channel were measured. The choice is made by its first message, and stays.
+/// Time source of a channel. The choice is made by its first message, and stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::imu) struct TimeSource {
     unit: Option<Unit>,
@@ -36,10 +36,10 @@ pub(in crate::imu) struct StampFields {
 }
 
 impl TimeSource {
-    /// The stamp in `numbers` unless that of the first message was 0, else the log time.
+    /// Stamp in `numbers`, or the log time if the stamp of the first message was 0.
     pub(in crate::imu) fn read(&mut self, numbers: &[f64], log_time: u64) -> Stamp {
         let stamp = match (self.unit, numbers) {
-            // Whole numbers, but for what is not there: that is 0, too.
+            // Whole numbers; a missing number (NaN) becomes 0.
             (Some(Unit::Seconds), &[seconds, nanos, ..]) => {
                 (seconds as i64).saturating_mul(1_000_000_000).saturating_add(nanos as i64)
             }
@@ -54,7 +54,7 @@ impl TimeSource {
     }
 }
 
-/// The stamp in the header of a message itself, where viewers look for one; `None` where there is none, or it is 0.
+/// Stamp in the header of the message itself, where viewers look for it; `None` if there is none, or it is 0.
 pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
     let StampFields { mut clock, numbers: places, .. } =
         StampFields::of(layout, &FieldPath::default().join("header"), "stamp")?;
@@ -64,7 +64,7 @@ pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
 }
 
 impl StampFields {
-    /// Those of the message that holds the vector, or of the nearest message around it.
+    /// Fields of the message that holds the vector, or of the nearest message around it.
     pub(in crate::imu) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
         let mut around = Some(vector.parent().unwrap_or_default());
         while let Some(message) = around {
@@ -76,12 +76,12 @@ impl StampFields {
         Self { clock: TimeSource { unit: None, choice: None }, numbers: Vec::new(), frame: None }
     }
 
-    /// Microseconds, and no frame.
+    /// Fields of a stamp in microseconds, without a frame.
     pub(in crate::imu) fn micros(place: Place) -> Self {
         Self { clock: TimeSource { unit: Some(Unit::Micros), choice: None }, numbers: vec![place], frame: None }
     }
 
-    /// A `std_msgs/Header`, or what has its fields, or a time by itself.
+    /// Fields of a `std_msgs/Header`, of a message with the same fields, or of a time by itself.
     fn at(layout: &Layout, message: &FieldPath) -> Option<Self> {
         let header = message.join("header");
         let places = [(&header, "stamp"), (message, "stamp"), (message, "timestamp"), (message, "time")];

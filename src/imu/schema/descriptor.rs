@@ -1,4 +1,4 @@
-//! Protobuf schemas: a serialised `FileDescriptorSet` with all that the message depends on.
+//! Protobuf schemas: a serialised `FileDescriptorSet` with all dependencies of the message.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use prost_types::{DescriptorProto, EnumDescriptorProto, FieldDescriptorProto, Fi
 
 use super::layout::{Coding, Count, Field, Kind, Message, Number, SchemaError, Tag};
 
-/// The messages that the set describes, as far as the root needs them, the root first.
+/// Parses the messages of the set that the root needs, the root first.
 pub(super) fn parse(schema_name: &str, data: &[u8]) -> Result<Vec<Message>, SchemaError> {
     let error = |why: String| SchemaError::Contradiction { name: schema_name.to_owned(), why };
     if parts(data, DESCRIBED_DEPTH, MOST_PARTS).is_none() {
@@ -24,14 +24,14 @@ pub(super) fn parse(schema_name: &str, data: &[u8]) -> Result<Vec<Message>, Sche
     Ok(resolver.messages)
 }
 
-/// A set of everything that a large company sends has fewer. Each takes some hundred bytes once it is decoded, and two as
-/// long as it is not.
+/// Largest number of parts of a set. Even a set of all messages of a large company has fewer. Each part takes some
+/// hundred bytes once decoded, and as few as two before.
 const MOST_PARTS: usize = 200_000;
-/// Set, file, message, field, options.
+/// Levels of nesting that are counted: set, file, message, field, options.
 const DESCRIBED_DEPTH: usize = 4;
 
-/// What is left of `most` once the parts of a wire message, and their parts, are taken from it; `None` if there are more.
-/// A text may look like parts, too, of which it has no more than bytes.
+/// Rest of `most` after subtracting the parts of a wire message and their parts; `None` if there are more. A text may
+/// look like parts, too, but has no more of them than bytes.
 fn parts(mut data: &[u8], depth: usize, most: usize) -> Option<usize> {
     let mut left = most;
     while !data.is_empty() {
@@ -53,7 +53,7 @@ fn parts(mut data: &[u8], depth: usize, most: usize) -> Option<usize> {
     Some(left)
 }
 
-/// By full name, without the leading dot.
+/// Definitions by full name, without the leading dot.
 #[derive(Default)]
 struct DescriptorIndex<'a> {
     messages: BTreeMap<String, &'a DescriptorProto>,
@@ -89,11 +89,11 @@ impl<'a> DescriptorIndex<'a> {
 struct DescriptorResolver<'a> {
     definitions: DescriptorIndex<'a>,
     messages: Vec<Message>,
-    /// Of the messages seen; absent while one is being resolved.
+    /// Ids of the messages met; `None` while a message is being resolved.
     ids: BTreeMap<String, Option<usize>>,
 }
 
-/// Deeper nesting is not followed.
+/// Greatest depth of nesting that is followed.
 const MAX_DEPTH: usize = 32;
 
 impl DescriptorResolver<'_> {
@@ -158,9 +158,9 @@ impl DescriptorResolver<'_> {
         Ok(Tag { number, coding, absent: self.absent(field)? })
     }
 
-    /// What it means that a message leaves the field out.
+    /// Value of a field that a message leaves out.
     fn absent(&self, field: &FieldDescriptorProto) -> Result<f64, String> {
-        // The other members of a oneof are not zero, they are not there.
+        // The other members of a oneof are not zero but absent.
         if field.oneof_index.is_some() && !field.proto3_optional() {
             return Ok(f64::NAN);
         }
@@ -184,7 +184,7 @@ fn number_of(field: &FieldDescriptorProto) -> Option<(Number, Coding)> {
     number(Type::try_from(field.r#type?).ok()?)
 }
 
-/// Coding of the numbers of a type; none for what is not a number.
+/// Type and coding of a number; `None` for a type that is not a number.
 fn number(kind: Type) -> Option<(Number, Coding)> {
     Some(match kind {
         Type::Double => (Number::F64, Coding::Fixed),

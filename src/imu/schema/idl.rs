@@ -1,4 +1,4 @@
-//! `ros2idl` and `omgidl` schemas: IDL text of a message and of all that it depends on.
+//! `ros2idl` and `omgidl` schemas: IDL text of a message and of all its dependencies.
 
 mod lexer;
 mod parser;
@@ -6,7 +6,7 @@ mod resolver;
 
 use super::layout::{Message, SchemaError};
 
-/// The messages that `text` defines, as far as the root needs them, the root first.
+/// Parses the messages in `text` that the root needs, the root first.
 pub(super) fn parse(schema_name: &str, text: &str) -> Result<Vec<Message>, SchemaError> {
     let name = || schema_name.to_owned();
     let definitions = parser::parse(text).map_err(|(line, why)| match line {

@@ -1,10 +1,10 @@
-//! JSON messages: what a JSON Schema or, without one, a first message says of their fields.
+//! JSON messages: their fields according to a JSON Schema or, without one, a first message.
 
 use serde_json::{Map, Value};
 
 use super::layout::{Count, Field, Kind, Message, Number, SchemaError};
 
-/// The messages that a JSON Schema describes, the root first.
+/// Parses the messages that a JSON Schema describes, the root first.
 pub(super) fn parse(schema_name: &str, text: &str) -> Result<Vec<Message>, SchemaError> {
     let error = |why: String| SchemaError::Contradiction { name: schema_name.to_owned(), why };
     let schema: Value = serde_json::from_str(text).map_err(|e| error(format!("is not JSON: {e}")))?;
@@ -15,7 +15,7 @@ pub(super) fn parse(schema_name: &str, text: &str) -> Result<Vec<Message>, Schem
     Ok(reader.messages)
 }
 
-/// The messages in an example, the root first; none if it is not a JSON object.
+/// Messages in an example, the root first; `None` if it is not a JSON object.
 pub(super) fn example(name: &str, data: &[u8]) -> Option<Vec<Message>> {
     let Value::Object(fields) = serde_json::from_slice(data).ok()? else { return None };
     let mut messages = Vec::new();
@@ -23,7 +23,7 @@ pub(super) fn example(name: &str, data: &[u8]) -> Option<Vec<Message>> {
     Some(messages)
 }
 
-/// Deeper nesting is not followed.
+/// Greatest depth of nesting that is followed.
 const MAX_DEPTH: usize = 32;
 
 struct Reader<'a> {
@@ -77,21 +77,22 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Target of a local `$ref`. One that leads to another is not followed further: it might lead round.
+    /// Target of a local `$ref`. A target that is a reference itself is not followed, since references may form a
+    /// cycle.
     fn dereferenced(&self, schema: &'a Value) -> &'a Value {
         let pointer = schema.get("$ref").and_then(Value::as_str).and_then(|path| path.strip_prefix('#'));
         pointer.and_then(|path| self.root.pointer(path)).unwrap_or(schema)
     }
 }
 
-/// More objects than this are in no real schema; references can unroll to any number.
+/// Largest number of objects: real schemas have fewer, but references can unroll to any number.
 const MAX_MESSAGES: usize = 1024;
 
 fn properties(schema: &Value) -> Option<&Map<String, Value>> {
     schema.get("properties")?.as_object().filter(|properties| !properties.is_empty())
 }
 
-/// Its type, if that is one beside null.
+/// Type of a schema, if it is a single one apart from null.
 fn kind(schema: &Value) -> Option<&str> {
     match schema.get("type")? {
         Value::String(kind) => Some(kind),
@@ -117,7 +118,7 @@ fn object(name: &str, fields: &Map<String, Value>, messages: &mut Vec<Message>) 
 
 fn of_value(name: &str, value: &Value, messages: &mut Vec<Message>) -> (Kind, Count) {
     match value {
-        // A 0 without decimals does not mean that the field holds integers.
+        // A 0 without decimals does not imply that the field holds integers.
         Value::Number(_) => (Kind::Number(Number::F64), Count::One),
         Value::Bool(_) => (Kind::Number(Number::Bool), Count::One),
         Value::String(_) => (Kind::Text, Count::One),

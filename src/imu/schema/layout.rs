@@ -1,12 +1,12 @@
-//! Fields of the messages of a channel, whatever language its schema was written in.
+//! Fields of the messages of a channel, independent of the schema language.
 
 use super::path::FieldPath;
 
-/// The fields of a message and of the messages inside it.
+/// Fields of a message and of the messages inside it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     pub(in crate::imu) wire: Wire,
-    /// The root first. No message contains itself.
+    /// Messages, the root first. No message contains itself.
     pub(in crate::imu) messages: Vec<Message>,
 }
 
@@ -21,16 +21,16 @@ pub(in crate::imu) enum Wire {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::imu) struct Message {
-    /// `package/Type`, or as its language writes it.
+    /// Name as `package/Type`, or as the schema language writes it.
     pub(in crate::imu) name: String,
     pub(in crate::imu) fields: Vec<Field>,
     pub(in crate::imu) evolution: Evolution,
 }
 
-/// Extensibility of a message: where later versions may have more fields, XCDR2 writes its size first.
+/// Extensibility of a message: if later versions may have more fields, XCDR2 writes its size first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::imu) enum Evolution {
-    /// The schema does not say: as the encapsulation of the whole says.
+    /// Not stated in the schema: the encapsulation of the root message decides.
     #[default]
     Unsaid,
     Final,
@@ -42,7 +42,7 @@ pub(in crate::imu) struct Field {
     pub(in crate::imu) name: String,
     pub(in crate::imu) kind: Kind,
     pub(in crate::imu) count: Count,
-    /// Its tag in protobuf; none elsewhere.
+    /// Tag in protobuf; `None` in other encodings.
     pub(in crate::imu) tag: Option<Tag>,
 }
 
@@ -50,11 +50,11 @@ pub(in crate::imu) struct Field {
 pub(in crate::imu) enum Kind {
     Number(Number),
     Text,
-    /// UTF-16 text, of which writers do not agree on the bytes.
+    /// UTF-16 text, which writers encode differently.
     WideText,
-    /// Index into [`Layout::messages`].
+    /// Message, by its index into [`Layout::messages`].
     Message(usize),
-    /// Something that no path leads into: what, in words. Only where messages can be read past it.
+    /// Unsupported type, in words. Used only if the rest of the message can still be read.
     Unread(&'static str),
 }
 
@@ -63,7 +63,7 @@ pub(in crate::imu) enum Kind {
 pub(in crate::imu) struct Tag {
     pub(in crate::imu) number: u32,
     pub(in crate::imu) coding: Coding,
-    /// What a message that leaves it out says; NaN if that is nothing.
+    /// Value of the field in a message that leaves it out; NaN if it has none.
     pub(in crate::imu) absent: f64,
 }
 
@@ -75,7 +75,7 @@ pub(in crate::imu) enum Coding {
     Fixed,
 }
 
-/// A number as it stands in a message.
+/// Type of a number in a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(in crate::imu) enum Number {
     Bool,
@@ -112,13 +112,13 @@ pub(in crate::imu) struct Hop {
     pub(in crate::imu) element: Option<u32>,
 }
 
-/// Reason why a channel's messages cannot be understood.
+/// Reason why a channel's messages cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SchemaError {
-    /// An unknown message encoding or schema language.
+    /// The message encoding or schema language is not supported.
     #[error("the encoding {0} is not read")]
     Encoding(String),
-    /// JSON whose schema, if there is one, names no fields: its messages tell, see [`Layout::of_example`].
+    /// JSON without a schema, or with one that names no fields: its messages show them, see [`Layout::of_example`].
     #[error("JSON without a schema: its messages tell")]
     Untold,
     /// The channel has no schema.
@@ -130,33 +130,33 @@ pub enum SchemaError {
          give the recording its schema"
     )]
     Empty {
-        /// Of the schema.
+        /// Name of the schema.
         name: String,
     },
     /// The schema is not text.
     #[error("the schema {name} is not UTF-8 at byte {offset}")]
     NotText {
-        /// Of the schema.
+        /// Name of the schema.
         name: String,
-        /// Of the first byte that is not.
+        /// Offset of the first byte that is not UTF-8.
         offset: usize,
     },
-    /// A line of the schema cannot be understood.
+    /// A line of the schema cannot be parsed.
     #[error("schema {name}, line {line}: {why}")]
     Line {
-        /// Of the schema.
+        /// Name of the schema.
         name: String,
-        /// Counted from 1.
+        /// Line, counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Description of the problem.
         why: String,
     },
-    /// The schema contradicts itself, or leaves something out.
+    /// The schema is inconsistent or incomplete.
     #[error("schema {name}: {why}")]
     Contradiction {
-        /// Of the schema.
+        /// Name of the schema.
         name: String,
-        /// What is wrong with it.
+        /// Description of the problem.
         why: String,
     },
 }
@@ -169,7 +169,7 @@ impl Layout {
 }
 
 impl Field {
-    /// A field that stands where its place in the message says.
+    /// Field without a tag, placed by its position in the message.
     pub(in crate::imu) fn new(name: impl Into<String>, kind: Kind, count: Count) -> Self {
         Self { name: name.into(), kind, count, tag: None }
     }
@@ -182,7 +182,7 @@ impl Message {
 }
 
 impl Number {
-    /// How many bytes it takes, which is also what XCDR1 aligns it to.
+    /// Size in bytes, which is also its alignment in XCDR1.
     pub(in crate::imu) fn size(self) -> usize {
         match self {
             Self::Bool | Self::I8 | Self::U8 => 1,

@@ -1,4 +1,4 @@
-//! Finding fields in a layout by their paths, with an answer that helps where there is none.
+//! Lookup of fields in a layout by their paths, with helpful errors.
 
 use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place, Wire};
 use super::path::{FieldPath, Segment};
@@ -11,35 +11,36 @@ pub enum PathError {
     Missing {
         /// Type of the message.
         message: String,
-        /// What was asked for.
+        /// Requested path.
         path: String,
-        /// The existing field that is spelt most like it.
+        /// Existing field with the most similar spelling.
         nearest: Option<String>,
     },
-    /// The field is something else.
+    /// The field has another type.
     #[error("`{path}` of {message} is {found}, not {wanted}")]
     Wrong {
         /// Type of the message.
         message: String,
-        /// What was asked for.
+        /// Requested path.
         path: String,
-        /// What it is.
+        /// Type of the field.
         found: String,
-        /// What it would have to be.
+        /// Required type.
         wanted: &'static str,
     },
-    /// Unrolled, the message has more fields than any real one.
+    /// After unrolling, the message has more fields than any real one.
     #[error("{message} has more than {most} fields")]
     TooLarge {
         /// Type of the message.
         message: String,
-        /// How many are read.
+        /// Largest number of fields.
         most: usize,
     },
 }
 
 impl Layout {
-    /// Places of the three axes of a vector, if `path` leads to a message with `x`, `y`, `z` or to a list of three.
+    /// Places of the three axes of a vector: `path` leads to a message with `x`, `y`, `z` or to a list of three
+    /// numbers.
     ///
     /// # Errors
     /// If it leads nowhere, or to something else.
@@ -80,13 +81,13 @@ impl Layout {
     /// Paths of all vectors: messages with `x`, `y`, `z` and no `w`, and arrays of three floating point numbers.
     pub fn vectors(&self) -> Vec<FieldPath> {
         let mut paths = self.paths();
-        // JSON has names that cannot be written in a path.
+        // JSON may contain names that cannot be written in a path.
         paths.retain(|path| self.is_vector(path) && path.to_string().parse().as_ref() == Ok(path));
         paths
     }
 
-    /// Numbers of one message that differ in the last letter of their names, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
-    /// `gyro_z`, by what is in front of it, in lowercase.
+    /// Triples of numbers in one message whose names differ in the last letter, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
+    /// `gyro_z`, with the common part of the names in lowercase.
     pub(in crate::imu) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
         let paths = self.paths();
         let triple = |x: &FieldPath| {
@@ -139,7 +140,7 @@ impl Layout {
                 ["x", "y", "z"].into_iter().all(is_axis) && self.find(&path.join("w")).is_none()
             }
             Some(list) => {
-                // Where lists have no fixed sizes, any might be a vector.
+                // Without fixed sizes, any list may be a vector.
                 let any = matches!(self.wire, Wire::Protobuf | Wire::Json) && list.count == Count::Sequence;
                 (any || list.count == Count::Array(3)) && is_float(&list)
             }
@@ -219,16 +220,16 @@ struct PathTarget {
     count: Count,
 }
 
-/// Elements of a sequence that can be asked for; a message with fewer is refused.
+/// Number of elements of a sequence that can be requested. A message with fewer than requested is refused.
 const MAX_ELEMENT: u32 = 64;
 
-/// Most paths that are looked at for suggestions.
+/// Largest number of paths considered for suggestions.
 const MAX_PATHS: usize = 4096;
 
-/// The candidate that is spelt most like `wanted`, the first of several.
+/// Candidate with the spelling most similar to `wanted`, the first of several.
 pub(in crate::imu) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
     let mut best = None;
-    // What rosidl puts into a message without fields is nobody's field.
+    // The member that rosidl adds to a message without fields is not a real one.
     for candidate in candidates.into_iter().filter(|name| !name.ends_with("structure_needs_at_least_one_member")) {
         let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);
         if best.as_ref().is_none_or(|(highest, _)| score > *highest) {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// A path from a message to one of its fields; the empty path is the message itself.
+/// Path from a message to one of its fields. The empty path is the message itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct FieldPath(Vec<Segment>);
@@ -14,11 +14,11 @@ pub struct FieldPath(Vec<Segment>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::imu) struct Segment {
     pub(in crate::imu) name: String,
-    /// Which element, if the field is a list.
+    /// Index of the element, if the field is a list.
     pub(in crate::imu) element: Option<u32>,
 }
 
-/// A path that is not written as one.
+/// Error of a malformed path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a field path; write names joined by dots, elements of lists as name[0]")]
 pub struct PathSyntaxError(String);
@@ -28,25 +28,25 @@ impl FieldPath {
         &self.0
     }
 
-    /// The path of a field of what `self` leads to.
+    /// Path of a field of the target.
     pub(in crate::imu) fn join(&self, name: &str) -> Self {
         let mut segments = self.0.clone();
         segments.push(Segment { name: name.to_owned(), element: None });
         Self(segments)
     }
 
-    /// The path of what `inner` leads to inside what `self` leads to.
+    /// Path of the target of `inner` inside the target of `self`.
     pub(in crate::imu) fn within(&self, inner: &Self) -> Self {
         Self(self.0.iter().chain(&inner.0).cloned().collect())
     }
 
-    /// The path of the message that holds the field; none for the message itself.
+    /// Path of the message that holds the field; `None` for the message itself.
     pub(in crate::imu) fn parent(&self) -> Option<Self> {
         let (_, parent) = self.0.split_last()?;
         Some(Self(parent.to_vec()))
     }
 
-    /// The same path with the last segment replaced by one element of it.
+    /// Path with the last segment replaced by one of its elements.
     pub(in crate::imu) fn element(&self, element: u32) -> Self {
         let mut segments = self.0.clone();
         if let Some(last) = segments.last_mut() {
@@ -55,7 +55,7 @@ impl FieldPath {
         Self(segments)
     }
 
-    /// As it is called in a sentence.
+    /// Name in a sentence.
     pub(in crate::imu) fn called(&self) -> String {
         match self.0.is_empty() {
             true => "\"\", the message itself".to_owned(),
@@ -63,7 +63,7 @@ impl FieldPath {
         }
     }
 
-    /// The last name; empty for the message itself.
+    /// Last name; empty for the message itself.
     pub(in crate::imu) fn name(&self) -> &str {
         self.0.last().map_or("", |segment| &segment.name)
     }

@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 
 use super::layout::{Count, Field, Kind, Message, Number, SchemaError, Wire};
 
-/// The messages that `text` defines, as far as the root needs them, the root first.
+/// Parses the messages in `text` that the root needs, the root first.
 pub(super) fn parse(schema_name: &str, text: &str, wire: Wire) -> Result<Vec<Message>, SchemaError> {
     let root = normal(schema_name);
     let definitions = definitions(schema_name, &root, text)?;
@@ -14,7 +14,7 @@ pub(super) fn parse(schema_name: &str, text: &str, wire: Wire) -> Result<Vec<Mes
     Ok(resolver.messages)
 }
 
-/// A field as it is written, its type not yet looked up.
+/// A field as written, its type not yet resolved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct FieldLine {
     name: String,
@@ -51,7 +51,7 @@ fn definitions(schema_name: &str, root: &str, text: &str) -> Result<RosDefinitio
     Ok(definitions)
 }
 
-/// Some recorders repeat a definition; two different ones are a contradiction.
+/// Adds a definition. Some recorders repeat one; two different ones are a contradiction.
 fn add(definitions: &mut RosDefinitions, name: String, lines: Vec<FieldLine>) -> Result<(), String> {
     let mut names: Vec<_> = lines.iter().map(|line| &line.name).collect();
     names.sort_unstable();
@@ -66,7 +66,7 @@ fn add(definitions: &mut RosDefinitions, name: String, lines: Vec<FieldLine>) ->
     Ok(())
 }
 
-/// One line of a definition: a field, or none if it is a constant.
+/// Parses a line of a definition: a field, or `None` for a constant.
 fn field(line: &str) -> Result<Option<FieldLine>, String> {
     let not_a_field = || format!("`{line}` is neither a field nor a constant");
     let (kind, rest) = line.split_once(char::is_whitespace).ok_or_else(not_a_field)?;
@@ -76,7 +76,7 @@ fn field(line: &str) -> Result<Option<FieldLine>, String> {
     if !name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
         return Err(not_a_field());
     }
-    // What follows may be a value, a default or a comment, in which anything is allowed.
+    // The rest may be a value, a default or a comment, in which anything is allowed.
     if !rest.is_empty() && !rest.starts_with(|c: char| c.is_whitespace() || c == '=' || c == '#') {
         return Err(not_a_field());
     }
@@ -100,7 +100,7 @@ fn counted(kind: &str) -> Result<(&str, Count), String> {
     Ok((base, count))
 }
 
-/// Drops the bound of a bounded string.
+/// Removes the bound of a bounded string.
 fn unbounded(base: &str) -> Result<&str, String> {
     let Some((name, bound)) = base.split_once("<=") else { return Ok(base) };
     if !matches!(name, "string" | "wstring") || bound.parse::<u32>().is_err() {
@@ -109,7 +109,7 @@ fn unbounded(base: &str) -> Result<&str, String> {
     Ok(name)
 }
 
-/// `package/msg/Type` and `package/Type` are the same.
+/// Normal form of a name: `package/msg/Type` becomes `package/Type`.
 fn normal(name: &str) -> String {
     match name.split('/').collect::<Vec<_>>()[..] {
         [package, "msg", kind] => format!("{package}/{kind}"),
@@ -122,11 +122,11 @@ struct RosResolver<'a> {
     wire: Wire,
     definitions: RosDefinitions,
     messages: Vec<Message>,
-    /// Of the messages seen; absent while one is being resolved.
+    /// Ids of the messages met; `None` while a message is being resolved.
     ids: BTreeMap<String, Option<usize>>,
 }
 
-/// Deeper nesting is not found in real schemas.
+/// Greatest depth of nesting: real schemas have less.
 const MAX_DEPTH: usize = 32;
 
 impl RosResolver<'_> {
@@ -149,7 +149,7 @@ impl RosResolver<'_> {
             fields.push(Field::new(field, kind, count));
         }
         if fields.is_empty() && self.wire == Wire::Cdr {
-            // https://design.ros2.org/articles/legacy_interface_definition.html: IDL knows no empty structure.
+            // https://design.ros2.org/articles/legacy_interface_definition.html: IDL does not allow empty structures.
             fields.push(Field::new("structure_needs_at_least_one_member", Kind::Number(Number::U8), Count::One));
         }
         if let Some(message) = self.messages.get_mut(id) {
@@ -167,7 +167,7 @@ impl RosResolver<'_> {
         self.message(&name, depth + 1).map(Kind::Message)
     }
 
-    /// A type without package is one of the same package, or the header, or whichever has that name.
+    /// Resolves a type name. Without package it is in the same package, or the header, or the only type of that name.
     fn full_name(&self, package_of: &str, base: &str) -> String {
         let known = |name: &String| self.definitions.contains_key(name) || self.ids.contains_key(name);
         match (base, self.wire) {
@@ -193,7 +193,7 @@ impl RosResolver<'_> {
         }
     }
 
-    /// Types that recorders may leave out.
+    /// Definitions of types that recorders may leave out.
     fn well_known(&self, name: &str) -> Option<Vec<FieldLine>> {
         let (seconds, nanos) = match (name, self.wire) {
             ("time", Wire::Ros1) => (("secs", "uint32"), ("nsecs", "uint32")),

@@ -1,6 +1,7 @@
-//! Readings of one IMU in the order of their stamps, where they come a little late.
+//! Readings of one IMU, sorted by stamp if they arrive a little late.
 //!
-//! Nothing is held back while all come in order, but for the first second, lest the first late ones are lost.
+//! Readings are held back at the beginning, so that the first late ones are not lost. Once [`CALM`] readings have
+//! arrived in order, none is held back until one is late.
 
 use std::collections::VecDeque;
 
@@ -9,37 +10,37 @@ use serde::{Deserialize, Serialize};
 use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
 
-/// After so many readings in order, none is held back any more.
+/// Number of readings in order after which none is held back any more.
 const CALM: u32 = 200;
-/// So many readings in a row that are later than is waited for are a clock that was set back.
+/// Number of consecutive readings beyond the allowed delay that show that the clock was set back.
 const PATIENCE: u32 = 5;
-/// Readings that are held back at most, by sensor.
+/// Largest number of held readings per sensor.
 const MOST_HELD: usize = 1 << 14;
 
-/// Holds readings back until all that may be earlier have come.
+/// Queue that holds readings back until all earlier ones must have arrived.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Order {
     late_nanos: i64,
     holds: bool,
-    /// Whether a reading was late.
+    /// Whether a reading was ever late.
     ever: bool,
     calm: u32,
-    /// By sensor.
+    /// Queues by sensor.
     queues: Vec<HeldBack>,
     count: u64,
-    /// Largest log time of what was let go: what is learned was known no earlier.
+    /// Largest log time released so far: no result was known earlier.
     log_time: u64,
     moved: u64,
     lost: u64,
 }
 
-/// Readings of one sensor that are held back, in order.
+/// Held readings of one sensor, in order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct HeldBack {
-    /// The latest stamp, ns.
+    /// Latest stamp, ns.
     newest: Option<i64>,
     behind: u32,
-    /// Stamp, and number of the reading.
+    /// Stamp in ns, number of the reading, and the reading.
     held: VecDeque<(i64, u64, Read)>,
 }
 
@@ -58,7 +59,7 @@ impl Order {
         }
     }
 
-    /// Takes a reading.
+    /// Adds a reading.
     pub(super) fn pass(&mut self, read: Read, sink: &mut impl FnMut(Read)) {
         let (_, sensor, reading) = read;
         if self.queues.len() <= sensor.index() {
@@ -73,7 +74,7 @@ impl Order {
         let newest = queue.newest.unwrap_or(stamp);
         let late = newest.saturating_sub(stamp);
         if late > self.late_nanos {
-            // Not late, but another time: nothing that is held back belongs behind it.
+            // Not late, but a different time: no held reading belongs after it.
             queue.behind += 1;
             if queue.behind >= PATIENCE {
                 (queue.newest, queue.behind) = (Some(stamp), 0);
@@ -108,12 +109,12 @@ impl Order {
         self.let_go(Some(until), sink);
     }
 
-    /// The recording has ended.
+    /// Releases all held readings at the end of the recording.
     pub(super) fn finish(&mut self, sink: &mut impl FnMut(Read)) {
         self.let_go(None, sink);
     }
 
-    /// What was done, in words.
+    /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
         let ms = self.late_nanos as f64 * 1e-6;
         (self.moved + self.lost > 0).then(|| {
@@ -125,7 +126,7 @@ impl Order {
         })
     }
 
-    /// Lets go of what is no later than a stamp, in order, or of everything.
+    /// Releases readings up to a stamp, in order, or all of them.
     fn let_go(&mut self, until: Option<i64>, sink: &mut impl FnMut(Read)) {
         loop {
             let front = |queue: &HeldBack| queue.held.front().map(|&(stamp, number, _)| (stamp, number));

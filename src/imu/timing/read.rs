@@ -1,6 +1,6 @@
-//! A reading, and whose it is.
+//! A reading with its IMU and sensor.
 
 use crate::imu::sample::{ImuId, Reading, Sensor};
 
-/// A reading, and whose it is.
+/// A reading with its IMU and sensor.
 pub type Read = (ImuId, Sensor, Reading);

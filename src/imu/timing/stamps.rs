@@ -1,8 +1,8 @@
-//! Stamps of the messages of one channel, where they stand, wrap or make no sense.
+//! Stamps of the messages of one channel that stand still, wrap or are implausible.
 //!
-//! A reading under a stamp that has been is a repeat if it reads the same. If it does not, the clock is coarse or stuck, or
-//! a batch was stamped at once: the readings under one stamp are spread over the step to the next one, and where that
-//! does not come, the log time serves from there on.
+//! A reading with a repeated stamp is a duplicate if its values are the same. If they differ, the clock is coarse or
+//! stuck, or a batch was stamped at once: the readings with one stamp are spread over the step to the next stamp. If no
+//! next stamp comes, the log time is used from there on.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,43 +10,43 @@ use super::read::Read;
 use crate::Stamp;
 use crate::imu::sample::{Reading, Sample};
 
-/// A clock that stands for longer is stuck, ns: whole seconds are the coarsest that is met.
+/// Longest time for which a working clock stands still, ns: the coarsest known clocks count whole seconds.
 const STUCK: i64 = 2_500_000_000;
-/// Messages under one stamp beyond which they are not held back.
+/// Largest number of held messages with one stamp.
 const MOST_HELD: usize = 1 << 14;
-/// Stamps that contradict the log time this often, and once in so many messages, make no sense.
+/// Stamps are implausible if they contradict the log time this often, and in one of so many messages.
 const SENSELESS: u64 = 5;
 const SENSELESS_ONCE_IN: u64 = 2000;
-/// A stamp that runs ahead of the log time by more contradicts it, ns.
+/// Largest excess of a stamp's step over the log time's, ns. More contradicts the log time.
 const AHEAD: i64 = 500_000_000;
-/// Counters of 32 bits wrap after so many nanoseconds: of milliseconds, microseconds, nanoseconds.
+/// Ranges of 32-bit counters of milliseconds, microseconds and nanoseconds, in ns.
 const WRAPS: [i64; 3] = [(1 << 32) * 1_000_000, (1 << 32) * 1000, 1 << 32];
 
-/// Follows the stamps of one IMU on one channel.
+/// Tracker of the stamps of one IMU on one channel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Stamps {
-    /// What was lost by wrapping.
+    /// Sum of all wraps so far, ns.
     wrapped: i64,
-    /// As it stands in the last message, and the log time of that.
+    /// Unwrapped stamp of the last message, ns, and its log time.
     last: Option<(i64, u64)>,
-    /// The first message under the present stamp, and what followed it under the same.
+    /// Readings of the first message with the current stamp. Those of later messages with this stamp are in `held`.
     first: Vec<Read>,
-    /// Stamp and log time of that message.
+    /// Stamp and log time of the first message.
     begun: (i64, u64),
     held: Vec<(u64, Vec<Read>)>,
-    /// Repeats of the first that were not held.
+    /// Number of repeats of the first message that were not held.
     repeated: u64,
     differ: bool,
-    /// The last step between two stamps.
+    /// Last step between two stamps, ns.
     step: i64,
-    /// Stamp and log time from which on the log time serves.
+    /// Stamp and log time from which on stamps are computed from the log time.
     by_log: Option<(i64, u64)>,
     senseless: u64,
     messages: u64,
     counts: StampCounts,
 }
 
-/// What was done, in messages.
+/// Number of messages by kind of correction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct StampCounts {
     repeats: u64,
@@ -56,7 +56,7 @@ struct StampCounts {
 }
 
 impl Stamps {
-    /// Takes the readings of one message, all of one stamp.
+    /// Adds the readings of one message, all of one stamp.
     pub(super) fn pass(&mut self, log_time: u64, readings: &[Read], late_nanos: i64, sink: &mut impl FnMut(Read)) {
         let Some(stamp) = readings.iter().find_map(|(.., reading)| stamp_of(reading)) else { return };
         self.messages += 1;
@@ -90,7 +90,7 @@ impl Stamps {
         tell(readings, raw, sink);
     }
 
-    /// The recording has ended.
+    /// Releases all held readings at the end of the recording.
     pub(super) fn finish(&mut self, sink: &mut impl FnMut(Read)) {
         let (stamp, log) = self.begun;
         let last = self.held.last().map_or(log, |(log, _)| *log);
@@ -98,7 +98,7 @@ impl Stamps {
         self.leave(stamp.saturating_add(step), last, sink);
     }
 
-    /// What was done, one line each.
+    /// Corrections, one line each.
     pub(super) fn remarks(&self) -> impl Iterator<Item = String> {
         let StampCounts { repeats, spread, logged, wraps } = self.counts;
         let share = |count: u64| {
@@ -118,7 +118,7 @@ impl Stamps {
         .flatten()
     }
 
-    /// Another message under the stamp of the one before.
+    /// Handles another message with the same stamp.
     fn stand(&mut self, log_time: u64, readings: &[Read], sink: &mut impl FnMut(Read)) {
         let (stamp, log) = self.begun;
         self.differ |= !same(&self.first, readings);
@@ -133,13 +133,13 @@ impl Stamps {
             return tell(readings, stamp.saturating_add(since(log_time, log)), sink);
         }
         match is_full {
-            // A sensor that says the same for ever.
+            // A sensor that repeats the same reading forever.
             true => self.repeated += 1,
             false => self.held.push((log_time, readings.to_vec())),
         }
     }
 
-    /// The stamp has moved on: what was held back under the last one is spread up to this one, or was repeated.
+    /// Handles the end of a stamp: the held readings are spread up to the next stamp, or dropped as duplicates.
     fn leave(&mut self, next: i64, log_time: u64, sink: &mut impl FnMut(Read)) {
         if self.held.is_empty() {
             return;
@@ -152,7 +152,7 @@ impl Stamps {
         }
         let (stamp, log) = self.begun;
         let mut step = next.saturating_sub(stamp);
-        // Over a gap, as before; without any step before, as long as it took to record them.
+        // Over a gap, use the last step; without one, the time it took to record the readings.
         let usual = if self.step > 0 { self.step.saturating_mul(3) } else { since(log_time, log).max(1) };
         if step <= 0 || step > usual {
             step = if self.step > 0 { self.step } else { usual };
@@ -164,7 +164,7 @@ impl Stamps {
         }
     }
 
-    /// The stamp with what was lost by wrapping: it fell back by what a counter of 32 bits holds, and goes on as the log
+    /// Unwraps a stamp. A wrap is a fall by the range of a 32-bit counter after which the stamp continues as the log
     /// time does.
     fn unwrapped(&mut self, raw: i64, log_time: u64) -> i64 {
         let stamp = raw.saturating_add(self.wrapped);
@@ -185,7 +185,7 @@ impl Stamps {
     }
 }
 
-/// Nanoseconds from one log time to another.
+/// Nanoseconds from log time `log` to `log_time`.
 fn since(log_time: u64, log: u64) -> i64 {
     i64::try_from(i128::from(log_time) - i128::from(log)).unwrap_or(i64::MAX)
 }
@@ -197,7 +197,7 @@ fn stamp_of(reading: &Reading) -> Option<Stamp> {
     }
 }
 
-/// Whether two messages read the same.
+/// Whether the values of two messages are the same.
 fn same(one: &[Read], other: &[Read]) -> bool {
     let values = |readings: &[Read]| {
         let value = |&(imu, sensor, reading): &Read| match reading {

@@ -1,21 +1,21 @@
-//! Fields that are looked for in a protobuf message, compiled once per channel from its [`Layout`].
+//! Wanted fields of a protobuf message, compiled once per channel from its [`Layout`].
 
 use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
 use crate::imu::schema::lookup::PathError;
 
-/// A message that something is read from.
+/// Plan of a message from which something is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(in crate::imu::decode) struct ProtobufPlan {
-    /// Its own number among those that are read from.
+    /// Index among the messages from which something is read.
     pub(super) id: usize,
     pub(super) fields: Vec<PlannedField>,
-    /// Slots, and what is in them where the message is there but leaves the field out.
+    /// Slots and their defaults, used if the message is present without the field.
     pub(super) absent: Vec<(usize, Bits)>,
 }
 
-/// A number saved by its bits, for it may be NaN.
+/// A number stored by its bits, since it may be NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Bits(pub(super) u64);
 
@@ -35,28 +35,28 @@ pub(super) enum Take {
     },
     Text,
     Message(ProtobufPlan),
-    /// A list of numbers: which elements go to which slots.
+    /// A list of numbers: elements and their slots.
     Numbers {
         list: usize,
         number: Number,
         coding: Coding,
         slots: Vec<(u32, usize)>,
     },
-    /// A list of messages: which elements are read from.
+    /// A list of messages: the elements from which something is read.
     Messages {
         list: usize,
         elements: Vec<(u32, ProtobufPlan)>,
     },
 }
 
-/// Messages, and lists, from which something is read; more are in no real configuration.
+/// Largest number of messages, and of lists, from which something is read; real configurations have fewer.
 pub(super) const MAX_PARTS: usize = 32;
 
 impl ProtobufPlan {
-    /// Reads the numbers into slots by their order, and the text.
+    /// Compiles the plan that reads the numbers into slots by their order, and the text.
     ///
     /// # Errors
-    /// If more parts are read from than any real message has.
+    /// If more parts are read than any real message has.
     pub(in crate::imu::decode) fn new(
         layout: &Layout,
         numbers: &[Place],
@@ -76,8 +76,8 @@ impl ProtobufPlan {
         }
     }
 
-    /// The fields that lead to a number of fixed size, itself the last, and how it is written. No lists are on the way
-    /// unless the number itself is in one, which leaves no element out.
+    /// Field numbers on the path to a number of fixed size, its own last, and its type. Empty if a list is on the path,
+    /// since lists omit no element.
     pub(in crate::imu::decode) fn way(&self, slot: usize) -> Option<(Vec<u32>, Number)> {
         self.fields.iter().find_map(|wanted| match &wanted.take {
             Take::Number { number, coding: Coding::Fixed, slots } if slots.contains(&slot) => {
@@ -113,7 +113,7 @@ impl ProtobufCompiler<'_> {
         ProtobufPlan { id: self.messages - 1, fields: Vec::new(), absent: Vec::new() }
     }
 
-    /// Wants what `hops` lead to from `message`, which `own` reads.
+    /// Adds the target of `hops` from `message`, whose plan is `own`.
     fn want(&mut self, own: &mut ProtobufPlan, message: usize, hops: &[Hop], slot: Option<usize>) {
         let Some((hop, rest)) = hops.split_first() else { return };
         let field = self.layout.messages.get(message).and_then(|message| message.fields.get(hop.field));

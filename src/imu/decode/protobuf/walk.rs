@@ -1,4 +1,4 @@
-//! A walk over the bytes of a protobuf message. What is looked for is its [`ProtobufPlan`].
+//! Walk over the bytes of a protobuf message. The wanted fields are in its [`ProtobufPlan`].
 
 use super::plan::{Bits, MAX_PARTS, ProtobufPlan, Take};
 use super::wire;
@@ -6,13 +6,13 @@ use crate::imu::decode::malformed::Malformed;
 use crate::imu::schema::layout::{Coding, Number};
 
 impl ProtobufPlan {
-    /// Walks a message; the text found. A number that is not there is what its field's default says, and NaN if the
-    /// message or list around it is not there either.
+    /// Walks a message and returns the text. A missing number has its field's default, or NaN if the message or list
+    /// around it is missing, too.
     pub(in crate::imu::decode) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
         self.walk::<false>(data, numbers)
     }
 
-    /// Finds where numbers of fixed size begin; NaN for every other, and for one that is not there.
+    /// Finds the offsets of numbers of fixed size; NaN for all others and for missing ones.
     pub(in crate::imu::decode) fn locate(&self, data: &[u8], places: &mut [f64]) -> Result<(), Malformed> {
         self.walk::<true>(data, places).map(drop)
     }
@@ -25,7 +25,7 @@ impl ProtobufPlan {
     }
 }
 
-/// A walk over a message; it keeps, or locates, what is looked for.
+/// State of a walk over a message, which reads or locates the wanted fields.
 struct ProtobufWalk<'d, 'n, const LOCATE: bool> {
     data: &'d [u8],
     at: usize,
@@ -33,7 +33,7 @@ struct ProtobufWalk<'d, 'n, const LOCATE: bool> {
     text: &'d [u8],
     /// One bit for each [`ProtobufPlan::id`] that was met.
     begun: u32,
-    /// Elements of each list so far.
+    /// Number of elements of each list so far.
     counts: [u32; MAX_PARTS],
 }
 
@@ -55,7 +55,7 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
         Ok(())
     }
 
-    /// A field that is read, unless it is not written as one: then it counts as unknown.
+    /// Reads a wanted field. With another wire type it counts as unknown.
     fn field(&mut self, take: &Take, field: u64, kind: u64, end: usize) -> Result<(), Malformed> {
         match take {
             Take::Number { number, coding, slots } if kind == number.wire(*coding) => {
@@ -95,7 +95,7 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
         Ok(())
     }
 
-    /// Number of the next element of a list.
+    /// Index of the next element of a list.
     fn next(&mut self, list: usize) -> u32 {
         let Some(count) = self.counts.get_mut(list) else { return u32::MAX };
         *count = count.saturating_add(1);
@@ -138,7 +138,8 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
         }
     }
 
-    /// Skips a group and those inside it. Their end is told by its number, so that depth need not be remembered.
+    /// Skips a group and those inside it. Its end carries its field number, so the inner numbers need not be
+    /// remembered.
     fn group(&mut self, field: u64, end: usize) -> Result<(), Malformed> {
         let mut depth = 1_usize;
         loop {
@@ -183,7 +184,7 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
         }
     }
 
-    /// The length of what follows; where that ends.
+    /// Reads a length and returns the offset of the end of the bytes that follow.
     #[inline]
     fn length(&mut self, end: usize) -> Result<usize, Malformed> {
         let len = usize::try_from(self.varint(end)?).unwrap_or(usize::MAX);
@@ -220,7 +221,7 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
 }
 
 impl Number {
-    /// How a single one is written.
+    /// Wire type of a single number.
     #[inline]
     fn wire(self, coding: Coding) -> u64 {
         match (coding, self.size()) {
@@ -230,7 +231,7 @@ impl Number {
         }
     }
 
-    /// The number that the bits of a varint mean. Those of smaller types are cut off, as parsers do.
+    /// Value of a varint's bits. Smaller types are truncated, as parsers do.
     #[inline]
     fn cast(self, bits: u64) -> f64 {
         match self {

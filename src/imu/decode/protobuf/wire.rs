@@ -1,6 +1,6 @@
-//! Protobuf's wire format: kinds of encoded values, and a field written.
+//! Wire format of protobuf: wire types, and writing of a field.
 
-/// Kinds of encoded values.
+/// Wire types.
 pub(super) const VARINT: u64 = 0;
 pub(super) const I64: u64 = 1;
 pub(super) const LEN: u64 = 2;
@@ -8,7 +8,8 @@ pub(super) const GROUP: u64 = 3;
 pub(super) const END_GROUP: u64 = 4;
 pub(super) const I32: u64 = 5;
 
-/// A message that holds one number at the end of a way, to be merged into another: all that follows counts.
+/// Message with one number at the end of a path of field numbers. Appended to another message it is merged, and its
+/// value counts, since it is the last.
 pub(in crate::imu::decode) fn alone(way: &[u32], bytes: &[u8]) -> Vec<u8> {
     let Some((&number, outer)) = way.split_last() else { return Vec::new() };
     let mut out = Vec::new();

@@ -1,7 +1,7 @@
-//! IDL text cut into words and symbols. Comments, preprocessor lines, and the lines by which recorders set the files of
-//! a `ros2idl` schema apart are dropped.
+//! Lexer of IDL text: words and symbols. Comments, preprocessor lines, and the lines with which recorders separate the
+//! files of a `ros2idl` schema are dropped.
 
-/// A word or symbol, and the line that it stands in, from 1.
+/// A word or symbol, and its line, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Token<'a> {
     pub(super) kind: TokenKind<'a>,
@@ -12,7 +12,7 @@ pub(super) struct Token<'a> {
 pub(super) enum TokenKind<'a> {
     Word(&'a str),
     Number(&'a str),
-    /// Text or a character, in quotes.
+    /// Text or character in quotes.
     Quoted,
     /// `::`
     Scope,
@@ -56,13 +56,13 @@ impl<'a> Lexer<'a> {
         Ok(())
     }
 
-    /// Whether the line that begins here is no IDL.
+    /// Whether the line that begins here is not IDL.
     fn is_aside(&self) -> bool {
         let line = self.rest.lines().next().unwrap_or_default().trim_end();
         line.starts_with('#') || line.starts_with("IDL:") || line.len() >= 3 && line.bytes().all(|byte| byte == b'=')
     }
 
-    /// Drops a line, and those that it is continued on.
+    /// Drops a line and its continuation lines.
     fn aside(&mut self) {
         while self.take_while(|c| c != '\n').trim_end().ends_with('\\') {
             self.take(self.rest.len().min(1));

@@ -1,6 +1,6 @@
-//! The definitions in IDL text, as far as they say how data is laid out (OMG IDL 4.2, with the annotations of DDS-XTypes
-//! 1.3 that change the bytes). Names are looked up by [`resolver`](super::resolver), which also refuses what is not
-//! read, so that a definition that nobody needs does no harm.
+//! Definitions in IDL text, as far as they determine the layout of data (OMG IDL 4.2, with the annotations of
+//! DDS-XTypes 1.3 that change the bytes). [`resolver`](super::resolver) resolves names and refuses unsupported
+//! definitions, so that those which nobody needs do no harm.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -8,18 +8,18 @@ use std::collections::btree_map::Entry;
 use super::lexer::{Token, TokenKind, tokens};
 use crate::imu::schema::layout::{Evolution, Number};
 
-/// By scoped name, `pkg::msg::Type`.
+/// Definitions by scoped name, `pkg::msg::Type`.
 pub(super) type IdlDefinitions = BTreeMap<String, Definition>;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Definition {
     Struct(Struct),
     Alias(Type),
-    /// The number that an enumeration is written as.
+    /// Enumeration, by the number type that encodes it.
     Enum(Number),
-    /// Its value, if it could be the size of an array.
+    /// Constant, with its value if that can be the size of an array.
     Constant(Option<u32>),
-    /// What is not read, and why.
+    /// Unsupported definition, with the reason.
     Unread(String),
 }
 
@@ -37,15 +37,15 @@ pub(super) enum Type {
     WideText,
     Named(String),
     Sequence(Box<Type>),
-    /// Dimensions are numbers or names of constants.
+    /// Array with its dimensions: numbers, or names of constants.
     Array(Box<Type>, Vec<String>),
     Unread(String),
 }
 
-/// A line that cannot be understood, and why.
+/// Line number and reason of an error.
 pub(super) type LineError = (usize, String);
 
-/// Everything that `text` defines.
+/// Parses all definitions in `text`.
 pub(super) fn parse(text: &str) -> Result<IdlDefinitions, LineError> {
     let tokens = tokens(text).map_err(|line| (line, "a comment or text that never ends".to_owned()))?;
     let mut parser = Parser { tokens: &tokens, scope: Vec::new(), definitions: IdlDefinitions::new() };
@@ -64,7 +64,7 @@ struct Parser<'t, 'a> {
     definitions: IdlDefinitions,
 }
 
-/// Annotations that matter for the bytes.
+/// Annotations that affect the bytes.
 #[derive(Default)]
 struct Annotations {
     evolution: Evolution,
@@ -72,11 +72,11 @@ struct Annotations {
     refused: Option<&'static str>,
 }
 
-/// Deeper nesting of sequences is not found in real schemas.
+/// Greatest depth of nested sequences: real schemas have less.
 const MAX_DEPTH: usize = 16;
 
 impl<'a> Parser<'_, 'a> {
-    /// A definition, or the end of a module.
+    /// Parses a definition, or the end of a module.
     fn definition(&mut self) -> Result<(), LineError> {
         if self.symbol('}') {
             if self.scope.pop().is_none() {
@@ -162,7 +162,7 @@ impl<'a> Parser<'_, 'a> {
         self.define(&name, Definition::Enum(number))
     }
 
-    /// Passes over a definition whose inside does not matter.
+    /// Skips an unsupported definition.
     fn unread(&mut self, kind: &str) -> Result<(), LineError> {
         let name = self.word()?.to_owned();
         let mut depth = 0_usize;
@@ -239,7 +239,7 @@ impl<'a> Parser<'_, 'a> {
         }
     }
 
-    /// `a, b[3]` up to the semicolon.
+    /// Parses `a, b[3]` up to the semicolon.
     fn declarators(&mut self, base: &Type) -> Result<Vec<(String, Type)>, LineError> {
         let mut declared = Vec::new();
         loop {
@@ -261,8 +261,8 @@ impl<'a> Parser<'_, 'a> {
         }
     }
 
-    /// A constant expression, up to what cannot be part of one; a name or number by itself is given as it stands, numbers
-    /// in decimal.
+    /// Parses a constant expression, up to a symbol that cannot be part of one. A single name or number is returned as
+    /// written, numbers in decimal.
     fn expression(&mut self) -> String {
         let mut text = String::new();
         while let Some(kind) = self.peek() {
@@ -306,7 +306,7 @@ impl<'a> Parser<'_, 'a> {
         Ok(found)
     }
 
-    /// Up to the parenthesis that closes.
+    /// Tokens up to the closing parenthesis.
     fn arguments(&mut self) -> Vec<Token<'a>> {
         let mut found = Vec::new();
         let mut depth = 1_usize;
@@ -336,7 +336,7 @@ impl<'a> Parser<'_, 'a> {
         }
     }
 
-    /// Recorders repeat definitions; two different ones are a contradiction.
+    /// Adds a definition. Recorders repeat definitions; two different ones are a contradiction.
     fn define(&mut self, name: &str, definition: Definition) -> Result<(), LineError> {
         let name = [self.scope.as_slice(), &[name]].concat().join("::");
         match self.definitions.entry(name) {
@@ -409,7 +409,7 @@ fn named(token: Option<TokenKind<'_>>) -> String {
     }
 }
 
-/// `0x10` and `020` as `16`; what is no whole number, as it stands.
+/// Decimal form of a number: `0x10` and `020` become `16`; text that is not a whole number stays.
 fn decimal(number: &str) -> String {
     let parsed = match number.strip_prefix("0x").or_else(|| number.strip_prefix("0X")) {
         Some(hexadecimal) => u64::from_str_radix(hexadecimal, 16),

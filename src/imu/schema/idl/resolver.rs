@@ -1,12 +1,11 @@
-//! IdlDefinitions of IDL turned into messages: names looked up from the scope they stand in, aliases followed, sizes of
-//! arrays worked out.
+//! IDL definitions resolved to messages: names are looked up from their scope, aliases followed, array sizes computed.
 
 use std::collections::BTreeMap;
 
 use super::parser::{Definition, IdlDefinitions, Struct, Type};
 use crate::imu::schema::layout::{Count, Evolution, Field, Kind, Message};
 
-/// The messages that the root needs, the root first; or what is wrong.
+/// Messages that the root needs, the root first; or a description of the problem.
 pub(super) fn resolve(schema_name: &str, definitions: &IdlDefinitions) -> Result<Vec<Message>, String> {
     let mut resolver = IdlResolver { definitions, messages: Vec::new(), ids: BTreeMap::new() };
     let root = resolver.root(schema_name)?;
@@ -17,18 +16,18 @@ pub(super) fn resolve(schema_name: &str, definitions: &IdlDefinitions) -> Result
 struct IdlResolver<'a> {
     definitions: &'a IdlDefinitions,
     messages: Vec<Message>,
-    /// Of the structs seen; absent while one is being resolved.
+    /// Ids of the structs met; `None` while a struct is being resolved.
     ids: BTreeMap<String, Option<usize>>,
 }
 
-/// Deeper nesting is not found in real schemas.
+/// Greatest depth of nesting: real schemas have less.
 const MAX_DEPTH: usize = 32;
 
-/// More messages are in no real schema; lists of lists make some of their own.
+/// Largest number of messages: real schemas have fewer. Lists of lists add messages of their own.
 const MAX_MESSAGES: usize = 4096;
 
 impl IdlResolver<'_> {
-    /// The struct that a schema is named after: `pkg/msg/Type`, `pkg::msg::Type`, or the only one called so.
+    /// Struct that a schema is named after: `pkg/msg/Type`, `pkg::msg::Type`, or the only one of that name.
     fn root(&self, schema_name: &str) -> Result<String, String> {
         let wanted = schema_name.replace('/', "::");
         if self.definitions.contains_key(&wanted) {
@@ -67,7 +66,7 @@ impl IdlResolver<'_> {
         Ok(id)
     }
 
-    /// The members of what it inherits from come first.
+    /// Appends the members of a struct, after those of the struct that it inherits from.
     fn members(&mut self, name: &str, own: &Struct, fields: &mut Vec<Field>, depth: usize) -> Result<(), String> {
         if depth > MAX_DEPTH {
             return Err(format!("{name} is nested too deeply"));
@@ -123,8 +122,8 @@ impl IdlResolver<'_> {
         })
     }
 
-    /// What a list is of. Lists of lists and of enumerations are lists of messages with one field: they look the same
-    /// on the wire, and in XCDR2 both have their size in front (DDS-XTypes 1.3, 7.4.3.5, rules 12 and 14).
+    /// Element type of a list. Lists of lists and of enumerations become lists of messages with one field: the bytes
+    /// are the same, and in XCDR2 both have their size in front (DDS-XTypes 1.3, 7.4.3.5, rules 12 and 14).
     fn element(&mut self, scope: &str, element: &Type, depth: usize) -> Result<Kind, String> {
         let enumeration = self.is_enumeration(scope, element);
         match self.kind(scope, element, depth + 1)? {
@@ -154,7 +153,7 @@ impl IdlResolver<'_> {
         }
     }
 
-    /// The scoped name of what `name` means inside `scope`, the innermost first.
+    /// Scoped name of the definition of `name` inside `scope`, the innermost first.
     fn look_up(&self, scope: &str, name: &str) -> Result<String, String> {
         if let Some(absolute) = name.strip_prefix("::") {
             return Ok(absolute.to_owned());
@@ -182,7 +181,7 @@ impl IdlResolver<'_> {
     }
 }
 
-/// `package/Type`, without what ROS and its middleware put in between and behind: `sensor_msgs::msg::dds_::Imu_`.
+/// Name as `package/Type`, without the parts that ROS and its middleware add: `sensor_msgs::msg::dds_::Imu_`.
 fn plain(name: &str) -> String {
     match name.split("::").collect::<Vec<_>>()[..] {
         [package, "msg", "dds_", kind] => format!("{package}/{}", kind.trim_end_matches('_')),
