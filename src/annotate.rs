@@ -1,7 +1,7 @@
-//! Events to message bytes and back: which topic an event goes to, how it is encoded, and which block it lies in.
+//! Events to message bytes and back: the topic of an event, its encoding, and its block.
 //!
-//! Ids, chunks and files are left to [`record`](crate::record); the stamp in a message's header is the engine's.
-//! Everything here is a function of the events and of where the input's chunks end, never of wall-clock.
+//! Ids, chunks and files are left to [`record`](crate::record); the stamp in a message's header is the engine's. The
+//! result is a function of the events and of the ends of the input's chunks, never of wall-clock time.
 
 mod block;
 mod cdr;
@@ -26,7 +26,7 @@ use crate::record::{Annotation, Block, Topic};
 use crate::topic::{self, Kind};
 use block::OpenBlock;
 
-/// Turns events into blocks of annotations.
+/// Converts events to blocks of annotations.
 ///
 /// ```
 /// use stillpoint::annotate::{Annotator, Encoding};
@@ -45,23 +45,23 @@ use block::OpenBlock;
 pub struct Annotator {
     encoding: Encoding,
     topics: Vec<Topic>,
-    /// The next sequence number on each topic.
+    /// Next sequence number of each topic.
     sequences: Vec<u32>,
     open: OpenBlock,
 }
 
 impl Annotator {
-    /// An annotator without topics; each comes into being with its first message.
+    /// Annotator without topics. Each topic is created with its first message.
     pub fn new(encoding: Encoding) -> Self {
         Self { encoding, topics: Vec::new(), sequences: Vec::new(), open: OpenBlock::default() }
     }
 
-    /// The topics so far, in the order of their first messages. Annotations name them by their place here.
+    /// Topics so far, in the order of their first messages. Annotations refer to them by index.
     pub fn topics(&self) -> &[Topic] {
         &self.topics
     }
 
-    /// Takes an event of the IMU of that output name. Returns the block that had to be closed before it, if any.
+    /// Adds an event of the IMU with this output name. Returns the block that had to be closed before it, if any.
     pub fn push(&mut self, imu: &str, event: &Event) -> Option<Block> {
         let (name, encoding) = (topic::of(imu, kind_of(&event.message)), self.encoding);
         let place = self.place_of(&name, || encoding.topic(name.clone(), &event.message));
@@ -70,7 +70,7 @@ impl Annotator {
         self.open.push(annotation, urgent)
     }
 
-    /// Takes a message that is written as it is. `topic` makes its topic, should there be none of that name yet.
+    /// Adds a message whose bytes are already encoded. `topic` creates its topic if there is none of this name yet.
     pub fn push_message(
         &mut self,
         name: &str,
@@ -83,22 +83,22 @@ impl Annotator {
         self.open.push(annotation, false)
     }
 
-    /// To be called at the end of each chunk of the input, and after each of its messages outside chunks.
+    /// Must be called at the end of each chunk of the input, and after each of its messages outside chunks.
     pub fn input_chunk_ended(&mut self) -> Option<Block> {
         if self.open.is_urgent() { self.open.close() } else { None }
     }
 
-    /// The annotations of the block that is still open.
+    /// Annotations of the block that is still open.
     pub fn open(&self) -> &[Annotation] {
         self.open.annotations()
     }
 
-    /// The last block.
+    /// Last block.
     pub fn finish(&mut self) -> Option<Block> {
         self.open.close()
     }
 
-    /// Where in the list the topic of that name is, added if need be.
+    /// Index of the topic with this name, which is added if needed.
     fn place_of(&mut self, name: &str, topic: impl FnOnce() -> Topic) -> usize {
         if let Some(known) = self.topics.iter().position(|topic| topic.name == name) {
             return known;
@@ -108,7 +108,7 @@ impl Annotator {
         self.topics.len() - 1
     }
 
-    /// The next annotation on a topic.
+    /// Next annotation on a topic.
     fn annotation(&mut self, topic: usize, log_time: u64, data: Vec<u8>) -> Annotation {
         let sequence = self.sequences[topic];
         self.sequences[topic] = sequence.wrapping_add(1);
@@ -116,7 +116,7 @@ impl Annotator {
     }
 }
 
-/// What the topic of a message is for.
+/// Kind of topic for a message.
 fn kind_of(message: &Message) -> Kind {
     match message {
         Message::Stillness(_) => Kind::Stillness,

@@ -1,10 +1,10 @@
-//! The block being filled, and the rule for when it is full. What becomes of a block is left to whoever takes it.
+//! Block being filled, and the rule for closing it. The use of a closed block is left to the caller.
 
 use serde::{Deserialize, Serialize};
 
 use crate::record::{Annotation, Block};
 
-/// Longest span of log time of a block, in nanoseconds: readers in log-time order keep a block that overlaps others.
+/// Longest span of log time of a block, in nanoseconds: readers in log-time order hold overlapping blocks in memory.
 const MAX_SPAN: u64 = 5_000_000_000;
 
 /// Most message data of a block, in bytes.
@@ -21,7 +21,7 @@ pub struct OpenBlock {
 }
 
 impl OpenBlock {
-    /// Adds an annotation, and returns the block before it if the two together would be too long or too large. A single
+    /// Adds an annotation. Returns the block before it if the two together would be too long or too large. A single
     /// annotation is never too large.
     pub fn push(&mut self, annotation: Annotation, urgent: bool) -> Option<Block> {
         let closed = if self.has_room_for(&annotation) { None } else { self.close() };
@@ -34,17 +34,17 @@ impl OpenBlock {
         closed
     }
 
-    /// What it holds.
+    /// Annotations in the block.
     pub fn annotations(&self) -> &[Annotation] {
         &self.block.annotations
     }
 
-    /// Whether it holds something that readers wait for.
+    /// Whether it holds an annotation that readers wait for.
     pub fn is_urgent(&self) -> bool {
         self.urgent
     }
 
-    /// The block, unless there is nothing in it; the next one begins empty.
+    /// Closes the block and begins an empty one. `None` if the block is empty.
     pub fn close(&mut self) -> Option<Block> {
         let block = std::mem::take(self).block;
         (!block.annotations.is_empty()).then_some(block)

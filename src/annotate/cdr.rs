@@ -1,5 +1,4 @@
-//! The primitives of CDR, little-endian, version 1: what ROS 2 puts in recordings. What follows what is left to the
-//! caller.
+//! Primitives of CDR, little-endian, version 1, as in ROS 2 recordings. The order of the fields is left to the caller.
 
 use prost_types::Timestamp;
 
@@ -44,25 +43,25 @@ impl Writer {
         self.aligned(value.to_le_bytes());
     }
 
-    /// `builtin_interfaces/Time`, which knows no time beyond the year 2038.
+    /// Appends a `builtin_interfaces/Time`, which ends in the year 2038.
     pub fn time(&mut self, time: Timestamp) {
         self.i32(time.seconds.clamp(i32::MIN.into(), i32::MAX.into()) as i32);
         self.u32(time.nanos.max(0) as u32);
     }
 
-    /// Length with the terminator, bytes, terminator.
+    /// Appends the length with the terminator, the bytes, and the terminator.
     pub fn string(&mut self, value: &str) {
         self.length(value.len() + 1);
         self.bytes.extend_from_slice(value.as_bytes());
         self.bytes.push(0);
     }
 
-    /// Number of elements of a sequence that follow.
+    /// Appends the number of elements of a sequence.
     pub fn length(&mut self, elements: usize) {
         self.u32(u32::try_from(elements).unwrap_or(u32::MAX));
     }
 
-    /// Primitives are aligned to their own size, counted from behind the encapsulation header.
+    /// Appends a primitive, aligned to its own size, counted from the end of the encapsulation header.
     fn aligned<const SIZE: usize>(&mut self, value: [u8; SIZE]) {
         let body = self.bytes.len() - ENCAPSULATION.len();
         self.bytes.resize(ENCAPSULATION.len() + body.next_multiple_of(SIZE), 0);
@@ -70,7 +69,7 @@ impl Writer {
     }
 }
 
-/// A CDR stream being read. Its errors say what is wrong, and where.
+/// A CDR stream being read. Errors describe the problem and its place.
 pub struct Reader<'a> {
     body: &'a [u8],
     at: usize,

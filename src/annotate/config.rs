@@ -4,31 +4,31 @@ use serde::{Deserialize, Serialize};
 
 use super::Encoding;
 
-/// What is written.
+/// Configuration of the output.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OutputConfig {
-    /// How annotations are encoded.
+    /// Encoding of annotations.
     pub encoding: EncodingChoice,
     /// Whether corrected messages are written.
     pub corrected: Corrected,
 }
 
-/// How annotations are encoded.
+/// Encoding of annotations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EncodingChoice {
-    /// As ROS 2 messages in recordings of profile `ros2`, as protobuf in every other.
+    /// ROS 2 messages in recordings of profile `ros2`, protobuf in all others.
     #[default]
     Auto,
-    /// As ROS 2 messages.
+    /// ROS 2 messages.
     Ros2,
-    /// As protobuf.
+    /// Protobuf.
     Protobuf,
 }
 
 impl EncodingChoice {
-    /// The encoding in a recording of that profile.
+    /// Encoding in a recording of this profile.
     pub fn in_profile(self, profile: &str) -> Encoding {
         match self {
             Self::Auto if profile == "ros2" => Encoding::Ros2,
@@ -38,11 +38,11 @@ impl EncodingChoice {
     }
 }
 
-/// Whether corrected messages are written: those of the source, with the true values in the place of the measured.
+/// Whether corrected messages are written: those of the source, with true values instead of the measured ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Corrected {
-    /// No.
+    /// None are written.
     #[default]
     Off,
     /// From the first calibration on, each by the one in force.

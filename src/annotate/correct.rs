@@ -1,5 +1,5 @@
-//! Readings corrected by a published calibration: `true = S⁻¹ (measured − bias)`, of a gyroscope that feels acceleration
-//! `S⁻¹ (measured − bias − G · true acceleration)`. Putting them into messages is left to
+//! Correction of readings by a published calibration: `true = S⁻¹ (measured − bias)`, or for a gyroscope with
+//! g-sensitivity `S⁻¹ (measured − bias − G · true acceleration)`. Writing them into messages is left to
 //! [`Intake::rewrite`](crate::imu::Intake::rewrite).
 
 use nalgebra::{Matrix3, Vector3};
@@ -10,26 +10,26 @@ use crate::imu::Sensor;
 use crate::messages::triad::Status;
 use crate::messages::{Calibration, Triad};
 
-/// What a calibration says of each triad that it determines.
+/// Corrections by a calibration, for each triad that it determines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Corrections {
-    /// Of the accelerometer, of the gyroscope, of each secondary.
+    /// Corrections of the accelerometer, of the gyroscope, of each secondary.
     triads: Vec<Option<Correction>>,
     undetermined: Vec<String>,
 }
 
-/// What takes a reading of one triad back to the truth.
+/// Correction of one triad: the map from a reading to the true value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Correction {
     bias: Vector3<f64>,
     /// S⁻¹.
     inverse: Matrix3<f64>,
-    /// G of a gyroscope, rad/s per m/s².
+    /// g-sensitivity G of a gyroscope, rad/s per m/s².
     g_sensitivity: Option<Matrix3<f64>>,
 }
 
 impl Corrections {
-    /// Those of a calibration.
+    /// Corrections by a calibration.
     pub fn of(calibration: &Calibration) -> Self {
         let Calibration { accelerometer, gyroscope, secondary, .. } = calibration;
         let triads = || [accelerometer.as_ref(), gyroscope.as_ref()].into_iter().chain(secondary.iter().map(Some));
@@ -40,13 +40,13 @@ impl Corrections {
         }
     }
 
-    /// Whether a gyroscope's reading is corrected only beside the acceleration of the same moment.
+    /// Whether correcting a gyroscope needs the acceleration of the same instant.
     pub fn need_acceleration(&self) -> bool {
         self.triads.iter().flatten().any(|correction| correction.g_sensitivity.is_some())
     }
 
-    /// The true value behind a measured one, in m/s² or rad/s, if the triad is determined; `acceleration` is the true one of
-    /// the same moment, without which a gyroscope that feels it is not corrected.
+    /// True value of a measured one, in m/s² or rad/s, if the triad is determined. `acceleration` is the true one of
+    /// the same instant, in m/s²; without it, a gyroscope with g-sensitivity is not corrected.
     pub fn correct(
         &self,
         sensor: Sensor,
@@ -67,14 +67,15 @@ impl Corrections {
         Some(inverse * (measured - bias - felt))
     }
 
-    /// Names of the triads whose readings stay as they are.
+    /// Names of the triads whose readings are not corrected.
     pub fn undetermined(&self) -> &[String] {
         &self.undetermined
     }
 }
 
-/// S is the identity where it is not estimated. Nothing where a reading depends on rotation, or on the square of an
-/// acceleration: the one would have to be known before the other.
+/// Correction of a triad. S is the identity if it is not estimated. `None` if the triad is undetermined, or if a
+/// reading depends on rotation or on the square of an acceleration: each of the two would have to be known before the
+/// other.
 fn correction(triad: &Triad) -> Option<Correction> {
     let linear = triad.g2_sensitivity.is_empty() && triad.rate_sensitivity.is_empty();
     let bias = triad.bias.as_ref().filter(|_| triad.status() != Status::Undetermined && linear)?;

@@ -1,5 +1,5 @@
-//! The diagnostics of ROS, which the panels of viewers light up from. They are shown live and are no annotations: what
-//! they say is in these. When they are due is left to who shows them.
+//! ROS diagnostics, for the status panels of viewers. They are shown live and are not annotations, which hold the same
+//! information. When to send them is left to the caller.
 
 use std::collections::BTreeMap;
 
@@ -8,28 +8,28 @@ use prost_types::Timestamp;
 use super::cdr::Writer;
 use crate::record::Topic;
 
-/// How much it matters, in the numbers of `diagnostic_msgs/DiagnosticStatus`.
+/// Severity, with the numbers of `diagnostic_msgs/DiagnosticStatus`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Level {
-    /// As it should be.
+    /// In order.
     #[default]
     Ok = 0,
-    /// Somebody has to see to it.
+    /// Needs attention.
     Warn = 1,
 }
 
-/// The state of one thing.
+/// State of one component.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// How much it matters.
+    /// Severity.
     pub level: Level,
-    /// What it is of.
+    /// Name of the component.
     pub name: String,
-    /// The state, in words.
+    /// State in words.
     pub message: String,
-    /// Which sensor, by its topic.
+    /// Topic of the sensor.
     pub hardware: String,
-    /// The numbers behind it: label and value.
+    /// Related values: label and value.
     pub values: Vec<(String, String)>,
 }
 
@@ -61,7 +61,7 @@ string key
 string value
 ";
 
-/// The topic that panels show unless told otherwise.
+/// Topic that panels show by default.
 pub fn topic() -> Topic {
     Topic {
         name: "/diagnostics".to_owned(),
@@ -73,7 +73,7 @@ pub fn topic() -> Topic {
     }
 }
 
-/// The bytes of a `DiagnosticArray`.
+/// Encodes a `DiagnosticArray`.
 pub fn encode(time: Timestamp, diagnostics: &[Diagnostic]) -> Vec<u8> {
     let mut out = Writer::new();
     out.time(time);

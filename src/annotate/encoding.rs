@@ -1,4 +1,4 @@
-//! The two encodings of annotations, both derived from one descriptor set. How the ROS 2 one looks is left to
+//! The two encodings of annotations, both derived from one descriptor set. The ROS 2 message types are left to
 //! [`ros2`](super::ros2).
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use crate::engine::Message;
 use crate::messages::DESCRIPTORS;
 use crate::record::Topic;
 
-/// How annotations are encoded.
+/// Encoding of annotations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Encoding {
     /// CDR with `ros2msg` schemas, types `stillpoint_msgs/msg/…`.
@@ -24,7 +24,7 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// The topic of that name for messages of this kind.
+    /// Topic with this name for messages of this kind.
     pub(super) fn topic(self, name: String, message: &Message) -> Topic {
         let (schema_name, schema) = match (self, message) {
             (Self::Protobuf, _) => protobuf_schema(&encoded(message).descriptor),
@@ -45,7 +45,7 @@ impl Encoding {
         }
     }
 
-    /// The bytes of a message.
+    /// Encodes a message.
     pub(super) fn encode(self, message: &Message) -> Vec<u8> {
         match (self, message) {
             (Self::Protobuf, _) => encoded(message).bytes,
@@ -61,7 +61,7 @@ fn protobuf_schema(message: &MessageDescriptor) -> (String, Vec<u8>) {
     (message.full_name().to_owned(), set.encode_to_vec())
 }
 
-/// Dependencies come first, as readers that build their pool in one pass want it.
+/// Adds a file after its dependencies, since some readers build their pool in one pass.
 fn add_with_dependencies(file: &FileDescriptor, set: &mut FileDescriptorSet) {
     if set.file.iter().any(|known| known.name() == file.name()) {
         return;
@@ -76,7 +76,7 @@ fn ros2_schema(message: &MessageDescriptor) -> (String, Vec<u8>) {
     (ros2::Type::of(message).schema_name(), ros2msg::schema(message).into_bytes())
 }
 
-/// A message in protobuf, with its description.
+/// A message in protobuf, with its descriptor.
 struct Encoded {
     descriptor: MessageDescriptor,
     bytes: Vec<u8>,
@@ -105,7 +105,7 @@ impl Encoded {
     }
 }
 
-/// The description of a message type.
+/// Descriptor of a message type.
 pub(super) fn descriptor<M: Name>() -> MessageDescriptor {
     #[expect(clippy::expect_used, reason = "a constant, checked by tests/schemas.rs")]
     static POOL: LazyLock<DescriptorPool> =

@@ -1,4 +1,4 @@
-//! The log message of ROS 2, which its own tools show. In every other recording it is Foxglove's.
+//! Log message of ROS 2, for its own tools. Recordings of other profiles use Foxglove's.
 
 use super::cdr::{Reader, Writer};
 use crate::messages::foxglove::{Log, log::Level};
@@ -24,7 +24,7 @@ int32 sec
 uint32 nanosec
 ";
 
-/// The bytes of a log message as `SCHEMA` has it. Foxglove's knows no function.
+/// Encodes a log message by `SCHEMA`. Foxglove's has no `function`, which stays empty.
 pub fn encode(log: &Log) -> Vec<u8> {
     let mut out = Writer::new();
     out.time(log.timestamp.unwrap_or_default());
@@ -37,7 +37,7 @@ pub fn encode(log: &Log) -> Vec<u8> {
     out.finish()
 }
 
-/// The log message in those bytes.
+/// Decodes a log message.
 pub fn read(input: &mut Reader) -> Result<Log, String> {
     let timestamp = Some(input.time()?);
     let level = level(input.u8()?).into();

@@ -1,4 +1,4 @@
-//! Annotations read back as the messages they were. Finding them in a recording is left to [`record`](crate::record).
+//! Decoding of annotations. Finding them in a recording is left to [`record`](crate::record).
 
 use prost::{Message as _, Name};
 use prost_reflect::{DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, Value};
@@ -12,10 +12,10 @@ use super::ros2::Type;
 use crate::engine::Message;
 use crate::messages::{Calibration, Coverage, Noise, Segment, Stillness, Turn, foxglove};
 
-/// Why a message is not an annotation.
+/// Reason why a message is not an annotation.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReadError {
-    /// Of a type or encoding that Stillpoint does not write.
+    /// The type or encoding is not one that Stillpoint writes.
     #[error("{schema:?} as {encoding:?} is no annotation of Stillpoint: check which topic it is on")]
     Unknown {
         /// Name of the type.
@@ -23,23 +23,23 @@ pub enum ReadError {
         /// Encoding of the message.
         encoding: String,
     },
-    /// Of a type that Stillpoint writes, with bytes that it does not.
+    /// The type is one that Stillpoint writes, but the bytes do not match it.
     #[error("{schema} of {length} bytes {problem}: annotate the recording anew")]
     Broken {
         /// Name of the type.
         schema: String,
-        /// Length of the message.
+        /// Length of the message, in bytes.
         length: usize,
-        /// What is wrong, and where.
+        /// Problem and its place.
         problem: String,
     },
 }
 
-/// Reads one annotation. What an encoding can only write as NaN or zero is absent again.
+/// Decodes one annotation. Fields that an encoding can only write as NaN or zero become absent again.
 ///
 /// # Errors
 ///
-/// If it is of no type and encoding that Stillpoint writes, or its bytes do not hold that type.
+/// If Stillpoint does not write this type in this encoding, or if the bytes do not match the type.
 pub fn read(schema: &str, encoding: &str, data: &[u8]) -> Result<Message, ReadError> {
     let read = match (encoding, schema) {
         ("protobuf", "stillpoint.Stillness") => protobuf(data).map(Message::Stillness),
@@ -78,7 +78,7 @@ fn cdr_log(data: &[u8]) -> Result<foxglove::Log, String> {
     log::read(&mut input)
 }
 
-/// A message, and whether it says anything.
+/// A message, and whether it holds any value.
 fn message(input: &mut Reader, descriptor: &MessageDescriptor) -> Result<(DynamicMessage, bool), String> {
     let mut message = DynamicMessage::new(descriptor.clone());
     if Type::of(descriptor) == Type::Time {
@@ -98,7 +98,7 @@ fn message(input: &mut Reader, descriptor: &MessageDescriptor) -> Result<(Dynami
     Ok((message, says_anything))
 }
 
-/// A value, and whether it says anything: NaN, zero and empty do not.
+/// A value, and whether it counts as present: NaN, zero and empty do not.
 fn field_value(input: &mut Reader, field: &FieldDescriptor) -> Result<(Value, bool), String> {
     if !field.is_list() {
         return element(input, &field.kind());

@@ -1,18 +1,18 @@
-//! The annotations as ROS 2 messages: which type each becomes, and the bytes of one. The text of their definitions is
-//! left to [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
+//! Annotations as ROS 2 messages: their types and bytes. The text of their definitions is left to
+//! [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
 //!
-//! ROS 2 cannot leave a field out. Where nothing was estimated, every `float64` reads NaN, also those of a message that
-//! is absent as a whole; everything else reads zero or empty.
+//! ROS 2 cannot omit a field. If nothing was estimated, every `float64` is NaN, also those of a message that is absent
+//! as a whole; all other fields are zero or empty.
 
 use prost_reflect::{DynamicMessage, Kind, MessageDescriptor, ReflectMessage, Value};
 use prost_types::Timestamp;
 
 use super::cdr::Writer;
 
-/// What a protobuf message becomes.
+/// ROS 2 type of a protobuf message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Type<'a> {
-    /// `builtin_interfaces/Time`, which names its fields otherwise.
+    /// `builtin_interfaces/Time`, whose fields have other names.
     Time,
     /// `std_msgs/Header`, field by field.
     Header,
@@ -29,7 +29,7 @@ impl<'a> Type<'a> {
         }
     }
 
-    /// As fields name it.
+    /// Name in fields.
     pub fn name(self) -> String {
         match self {
             Self::Time => "builtin_interfaces/Time".to_owned(),
@@ -38,17 +38,17 @@ impl<'a> Type<'a> {
         }
     }
 
-    /// As schema records name it.
+    /// Name in schema records.
     pub fn schema_name(self) -> String {
         self.name().replacen('/', "/msg/", 1)
     }
 }
 
-/// The type of one element of a field.
+/// Type of one element of a field.
 ///
 /// # Panics
 ///
-/// On kinds that `schemas/` does not use.
+/// For kinds that `schemas/` does not use.
 pub fn element_type(kind: &Kind) -> String {
     match kind {
         Kind::Message(message) => Type::of(message).name(),
@@ -62,14 +62,14 @@ pub fn element_type(kind: &Kind) -> String {
     }
 }
 
-/// The bytes of a message.
+/// Encodes a message.
 pub fn encode(message: &DynamicMessage) -> Vec<u8> {
     let mut out = Writer::new();
     write_message(&mut out, message, true);
     out.finish()
 }
 
-/// `known` is false inside a message that is absent.
+/// Appends a message. `known` is false inside a message that is absent.
 fn write_message(out: &mut Writer, message: &DynamicMessage, known: bool) {
     let descriptor = message.descriptor();
     if Type::of(&descriptor) == Type::Time {

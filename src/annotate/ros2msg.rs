@@ -1,5 +1,5 @@
-//! The `ros2msg` text of an annotation's definition, with the comments of `schemas/` in it. Which type a field has is
-//! left to [`ros2`](super::ros2).
+//! `ros2msg` text of an annotation's definition, with the comments of `schemas/`. The types of fields are left to
+//! [`ros2`](super::ros2).
 
 use std::fmt::Write as _;
 
@@ -10,14 +10,14 @@ use super::ros2::{Type, element_type};
 
 const SEPARATOR: &str = "================================================================================";
 
-/// Where the comment at the head of a file hangs: on its `syntax` statement (field 12 of `FileDescriptorProto`).
+/// Path of the comment at the head of a file: its `syntax` statement (field 12 of `FileDescriptorProto`).
 const HEAD_OF_FILE: &[i32] = &[12];
 
-/// What the schema file cannot say, since in protobuf it is not so.
+/// Note that the schema file does not contain, since it does not apply to protobuf.
 const ABSENCE: &str = "In ROS 2, a float64 that is absent, or part of a message that is absent, reads NaN.\n\
     Whatever else is absent reads zero or empty.";
 
-/// The definition of a message, followed by those of the messages in it.
+/// Definition of a message, followed by those of the messages in it.
 pub fn schema(message: &MessageDescriptor) -> String {
     let file = message.parent_file();
     let mut text = String::new();
@@ -32,7 +32,7 @@ pub fn schema(message: &MessageDescriptor) -> String {
     text
 }
 
-/// The messages that a message is made of, each once, in the order of their first mention.
+/// Messages inside a message, each once, in the order of their first mention.
 fn parts_of(message: &MessageDescriptor) -> Vec<MessageDescriptor> {
     let mut found = vec![message.clone()];
     let mut next = 0;
@@ -72,7 +72,7 @@ fn write_field(text: &mut String, field: &FieldDescriptor, comment: Option<&Loca
     write_line(text, &format!("{}{sequence} {}", element_type(&field.kind()), field.name()), trailing(comment));
 }
 
-/// Protobuf keeps the names of all enums of a message apart, so that they need no prefix as constants either.
+/// Appends constants. Their names need no prefix, since enum values of a message have different names in protobuf, too.
 fn write_constants(text: &mut String, constants: &EnumDescriptor) {
     let file = constants.parent_file();
     for value in constants.values() {
@@ -96,7 +96,7 @@ fn write_block(text: &mut String, comment: &str) {
     }
 }
 
-/// What the file says about the thing at that path.
+/// Comment in the file on the item at this path.
 fn comment<'a>(file: &'a FileDescriptor, path: &[i32]) -> Option<&'a Location> {
     let info = file.file_descriptor_proto().source_code_info.as_ref()?;
     info.location.iter().find(|location| location.path == path)
