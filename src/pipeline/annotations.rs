@@ -1,4 +1,4 @@
-//! Annotations of a recording or sidecar, read back as the events they were.
+//! Annotations of a recording or sidecar, decoded to events.
 
 use super::channel_table::ChannelTable;
 use crate::annotate;
@@ -6,8 +6,8 @@ use crate::engine::Event;
 use crate::record::Message;
 use crate::topic;
 
-/// What a message says, and of the IMU of which output name, empty for what concerns all of the recording; `None` if
-/// it is no annotation of this version, such as a corrected reading.
+/// Decodes an annotation. Returns the output name of its IMU (empty if it concerns the whole recording) and the event;
+/// `None` if it is not an annotation of this version, such as a corrected reading.
 pub(crate) fn read<'t>(table: &'t ChannelTable, message: &Message<'_>) -> Option<(&'t str, Event)> {
     let entry = table.get(message.channel)?;
     let imu = topic::imu_of(&entry.channel.topic)?;

@@ -1,4 +1,4 @@
-//! Channel table: every channel of a recording under one id with its schema, although splits may number them anew.
+//! Channel table: each channel of a recording under one id with its schema, although splits may number channels anew.
 
 use std::collections::BTreeMap;
 
@@ -6,21 +6,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::{Channel, Event, Schema};
 
-/// The channels met so far, by the schema and channel records of a scan.
+/// Channels met so far, from the schema and channel records of a scan.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct ChannelTable {
-    /// In the order in which they were met.
+    /// Channels in the order in which they were met.
     entries: Vec<Entry>,
     /// Schemas of this split.
     schemas: BTreeMap<u16, Schema>,
-    /// Places among the entries, by the ids of this split.
+    /// Indices of the entries, by the ids of this split.
     here: BTreeMap<u16, usize>,
-    /// The same by the ids in the recording, and by topic.
+    /// Indices of the entries, by the ids in the recording and by topic.
     by_id: BTreeMap<u16, usize>,
     by_topic: BTreeMap<String, Vec<usize>>,
     /// All ids below are taken.
     lowest: u16,
-    /// Whether splits came before, whose channels may come again.
+    /// Whether there were earlier splits, whose channels may occur again.
     continued: bool,
 }
 
@@ -34,12 +34,12 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Name of the type of its messages; empty without schema.
+    /// Type name of its messages; empty without schema.
     pub(crate) fn schema_name(&self) -> &str {
         self.schema.as_ref().map_or("", |schema| &schema.name)
     }
 
-    /// Whether it is the same as a channel of another split, whatever the ids are.
+    /// Whether it equals a channel of another split, apart from the ids.
     fn is(&self, channel: &Channel, schema: Option<&Schema>) -> bool {
         fn definition(schema: &Schema) -> (&str, &str, &[u8]) {
             (&schema.name, &schema.encoding, &schema.data)
@@ -51,7 +51,7 @@ impl Entry {
 }
 
 impl ChannelTable {
-    /// Takes in what a scan tells. A channel is returned if it is new to the recording.
+    /// Adds the schema or channel of a scan event. Returns a channel that is new to the recording.
     pub(crate) fn take(&mut self, event: &Event<'_>) -> Option<&Entry> {
         match event {
             Event::Schema(schema) => {
@@ -63,7 +63,7 @@ impl ChannelTable {
         }
     }
 
-    /// Another split begins, if one does.
+    /// Prepares for another split, if one follows.
     pub(crate) fn begin_split(&mut self) {
         self.schemas.clear();
         self.here.clear();
@@ -71,12 +71,12 @@ impl ChannelTable {
         self.continued = true;
     }
 
-    /// The channel of that id in this split, if it has been met.
+    /// Channel with this id in this split, if it has been met.
     pub(crate) fn get(&self, here: u16) -> Option<&Entry> {
         self.entries.get(*self.here.get(&here)?)
     }
 
-    /// The channel of that id in the recording.
+    /// Channel with this id in the recording.
     pub(crate) fn by_id(&self, id: u16) -> Option<&Entry> {
         self.entries.get(*self.by_id.get(&id)?)
     }
@@ -108,7 +108,7 @@ impl ChannelTable {
         self.entries.last()
     }
 
-    /// This id, or the lowest free one if it is taken. Nobody has 65,536 channels; the last id would be shared.
+    /// Returns this id, or the lowest free one if it is taken. With 65,536 channels the last id would be shared.
     fn free_id(&mut self, wanted: u16) -> u16 {
         if !self.by_id.contains_key(&wanted) {
             return wanted;
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!((id(&table, 3), id(&table, 1)), (Some(1), None));
         assert_eq!(meet(&mut table, 1, "/b"), None);
         assert_eq!(meet(&mut table, 2, "/b"), None);
-        // A third one of that name is another, and its own id is taken.
+        // A third one of that name is another channel, and gets its own id.
         assert_eq!(meet(&mut table, 4, "/b"), Some(4));
         assert_eq!(meet(&mut table, 7, "/c"), Some(7));
         assert_eq!([3, 1, 2, 4].map(|here| id(&table, here)), [1, 2, 3, 4].map(Some));

@@ -1,5 +1,6 @@
-//! Corrected messages: those of the sources, with true values in the place of the measured ones. When, and by which
-//! calibration, is left to [`Learner`](crate::pipeline::learner::Learner) and to the [correction pass](crate::pipeline::correction_pass).
+//! Corrected messages: those of the sources, with true values instead of the measured ones. Their time and calibration
+//! are left to [`Learner`](crate::pipeline::learner::Learner) and to the [correction
+//! pass](crate::pipeline::correction_pass).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,14 +13,14 @@ use crate::imu::{ImuId, Intake, Sensor};
 use crate::record::{Block, Channel, Message, Schema, Topic};
 use crate::topic::{self, Kind};
 
-/// Writes corrected messages.
+/// Writer of corrected messages.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Corrector {
-    /// Of what there is a corrected message.
+    /// Names of the IMUs with corrected messages.
     written: BTreeSet<String>,
 }
 
-/// The topic of the corrected messages of an IMU, whose source is that channel: as it, but for the name.
+/// Topic of the corrected messages of an IMU: the same as that of its source channel, except for the name.
 pub(crate) fn corrected_topic(imu: &str, channel: &Channel, schema: Option<&Schema>) -> Topic {
     Topic {
         name: topic::of(imu, Kind::Corrected),
@@ -31,13 +32,13 @@ pub(crate) fn corrected_topic(imu: &str, channel: &Channel, schema: Option<&Sche
     }
 }
 
-/// The message that the intake has just taken, corrected for each IMU that it is of.
+/// Corrects the last message of the intake, for each IMU that reads it.
 pub(crate) fn corrected<'i, 'c>(
     intake: &'i Intake,
     message: &Message<'_>,
     by: impl Fn(ImuId) -> Option<&'c Corrections>,
 ) -> Vec<(&'i str, Vec<u8>)> {
-    // The accelerations in it come first, for gyroscopes that feel them.
+    // Accelerations first, which gyroscopes with g-sensitivity need.
     let mut accelerations: BTreeMap<ImuId, Vector3<f64>> = BTreeMap::new();
     intake.rewrite(message.channel, message.data, |imu, sensor, value| {
         let corrections = by(imu).filter(|corrections| corrections.need_acceleration())?;
@@ -51,13 +52,13 @@ pub(crate) fn corrected<'i, 'c>(
 }
 
 impl Corrector {
-    /// Whether there is a corrected message of an IMU of that name.
+    /// Whether there is a corrected message of the IMU with this name.
     pub(crate) fn has_written(&self, name: &str) -> bool {
         self.written.contains(name)
     }
 
-    /// Corrects the message that the intake has just taken, appends the blocks that were closed before it, and tells of
-    /// each message that was written.
+    /// Corrects the last message of the intake, appends the blocks that were closed before it, and reports each message
+    /// that was written.
     pub(crate) fn correct<'c>(
         &mut self,
         message: &Message<'_>,

@@ -1,4 +1,4 @@
-//! Correction pass: a recording read again, now that its last calibration is known, for `corrected = "final"`.
+//! Correction pass: second reading of a recording once its last calibration is known, for `corrected = "final"`.
 
 use super::correction::Corrector;
 use super::sources::Sources;
@@ -7,12 +7,12 @@ use crate::config::Config;
 use crate::imu::ImuId;
 use crate::record::{Block, Event, Topic};
 
-/// Corrected messages out of the events of a second scan, split by split.
+/// Converts the events of a second scan to corrected messages, split by split.
 pub(crate) struct CorrectionPass<'a> {
     sources: Sources,
     corrector: Corrector,
     annotator: &'a mut Annotator,
-    /// By IMU.
+    /// Corrections by IMU.
     corrections: Vec<Option<Corrections>>,
     blocks: Vec<Block>,
 }
@@ -23,7 +23,7 @@ impl<'a> CorrectionPass<'a> {
         Self { sources, corrector, annotator, corrections, blocks: Vec::new() }
     }
 
-    /// Takes an event of the scan.
+    /// Processes an event of the scan.
     pub(crate) fn take(&mut self, event: Event<'_>) {
         let Self { sources, corrector, annotator, corrections, blocks } = self;
         sources.take(&event);
@@ -36,12 +36,12 @@ impl<'a> CorrectionPass<'a> {
         }
     }
 
-    /// Whether messages on these channels are corrected by nothing.
+    /// Whether no message on these channels is corrected.
     pub(crate) fn is_useless(&self, channels: &[u16]) -> bool {
         self.sources.is_useless(channels)
     }
 
-    /// Hands over the blocks that were closed since the last time.
+    /// Takes the blocks closed since the last call.
     pub(crate) fn take_blocks(&mut self) -> Vec<Block> {
         std::mem::take(&mut self.blocks)
     }
@@ -51,14 +51,14 @@ impl<'a> CorrectionPass<'a> {
         self.annotator.topics()
     }
 
-    /// A split has ended, and another may begin.
+    /// Ends a split; another may follow.
     pub(crate) fn end_split(&mut self) {
         let last = self.annotator.finish();
         self.blocks.extend(last);
         self.sources.begin_split();
     }
 
-    /// The recording has ended.
+    /// Ends the recording.
     pub(crate) fn finish(self) -> Corrector {
         self.corrector
     }

@@ -1,93 +1,94 @@
-//! What is told while a recording is followed. Showing it, on a terminal, as lines or to a viewer, is left to who is told.
+//! Events reported while a recording is followed. Showing them, on a terminal, as lines or in a viewer, is left to the
+//! receiver.
 
 use crate::engine;
 use crate::record::{Annotation, Channel, Damage, Message, Schema, Topic};
 use crate::report::Findings;
 use crate::still::Status;
 
-/// Whom to tell.
+/// Receiver of news.
 pub type Tell<'a> = &'a mut dyn FnMut(News<'_>);
 
-/// One thing that happened.
+/// One reported event.
 #[derive(Clone, Copy, Debug)]
 pub enum News<'a> {
     /// The recording is missing or empty: its recorder is about to start.
     Awaited,
-    /// The recording is there. What a killed run had done to this byte is taken over.
+    /// The recording exists. The results of a killed run up to this byte are reused.
     Opened(u64),
-    /// The recording goes on in this file of its folder.
+    /// The recording continues in this file of its folder.
     Split(&'a str),
     /// A channel of the recording, before its first message.
     Channel {
-        /// Its record.
+        /// Channel record.
         channel: &'a Channel,
-        /// The schema of its messages, if it has one.
+        /// Schema of its messages, if any.
         schema: Option<&'a Schema>,
     },
     /// A message of the recording that is used.
     Message {
-        /// As it was recorded.
+        /// Message as recorded.
         message: &'a Message<'a>,
-        /// How many samples it held.
+        /// Number of samples in it.
         samples: usize,
     },
-    /// Something was learned.
+    /// A new result.
     Annotation {
-        /// Output name of the IMU, empty for what concerns all of the recording.
+        /// Output name of the IMU, empty if it concerns the whole recording.
         imu: &'a str,
-        /// Where it is written to.
+        /// Topic that it is written to.
         topic: &'a Topic,
-        /// How it is written.
+        /// Annotation as written.
         annotation: &'a Annotation,
-        /// What it says.
+        /// Content of the annotation.
         event: &'a engine::Event,
     },
     /// A corrected message was written.
     Corrected {
-        /// Where it is written to.
+        /// Topic that it is written to.
         topic: &'a Topic,
-        /// The message.
+        /// Message as written.
         annotation: &'a Annotation,
     },
-    /// How one IMU stands, each time before [`News::Read`].
+    /// State of one IMU, each time before [`News::Read`].
     Imu {
-        /// What was learned so far.
+        /// Findings so far.
         findings: &'a Findings,
         /// Whether it rests, and its noise floor.
         status: Status,
     },
-    /// Something is wrong with the recording.
+    /// Damage in the recording.
     Damage(&'a Damage),
-    /// All that is there has been read.
+    /// All existing bytes have been read.
     Read(Progress),
-    /// Something is in the way, and is tried again.
+    /// A problem, after which the operation is retried.
     Trouble(&'a str),
-    /// Nothing more is recorded, and why. The annotated recording is being written.
+    /// The recording has ended, for this reason. The annotated recording is being written.
     Ended(Ending),
 }
 
-/// How far a recording has been followed.
+/// Progress of following a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Bytes whose messages were used.
     pub read: u64,
-    /// Bytes that are there.
+    /// Bytes of the recording so far.
     pub length: u64,
     /// Bytes of the sidecar.
     pub sidecar: u64,
 }
 
-/// Why nothing more is recorded.
+/// Reason why a recording has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// The recorder finished the recording.
     Finished,
     /// Nothing was added for the idle timeout.
     Idle,
-    /// The file was deleted; its bytes are still at hand.
+    /// The file was deleted; its bytes are still available.
     Deleted,
-    /// Another file has its name now; its bytes are still at hand.
+    /// Another file has its name now; its bytes are still available.
     Replaced,
-    /// The file became shorter than what had been read of it, so that its bytes are lost.
+    /// The file became shorter than what had been read of it, so its bytes are lost.
     Truncated,
 }

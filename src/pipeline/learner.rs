@@ -1,6 +1,7 @@
-//! A recording's messages through intake, engines and annotator: what they teach, and the annotations that say so.
+//! Learner: a recording's messages through intake, engines and annotator, to findings and annotations.
 //!
-//! Reading the messages is left to [`Recording`](crate::run::input::recording::Recording), writing the annotations to [`annotate`](crate::run::annotate()).
+//! Reading the messages is left to [`Recording`](crate::run::input::recording::Recording), writing the annotations to
+//! [`annotate`](crate::run::annotate()).
 
 mod engine_setup;
 mod notes;
@@ -28,19 +29,19 @@ use crate::printable;
 use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Topic};
 use crate::report::Findings;
 
-/// Damages that are told one by one; of further ones only the number is kept.
+/// Number of damages that are kept one by one. Further ones are only counted.
 const DAMAGES: usize = 100;
 
-/// Learns from the events of a scan. Saved, it can be taken up again.
+/// Learns from the events of a scan. It can be saved and resumed.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Learner {
-    /// The same for all of a recording.
+    /// Configuration, constant for a recording.
     #[serde(skip)]
     config: Config,
     sources: Sources,
     time_order: TimeOrder,
     timing: Timing,
-    /// What the damages of this split are told with, where there are several.
+    /// Prefix for the damages of this split, if there are several splits.
     split: Option<String>,
     imus: Vec<Learning>,
     annotator: Annotator,
@@ -51,44 +52,44 @@ pub(crate) struct Learner {
     corrector: Corrector,
     damage: Vec<Damage>,
     damages: u64,
-    /// Of the last message.
+    /// Log time of the last message, in nanoseconds.
     log_time: u64,
-    /// Where the recording is made, once it has said so.
+    /// Place of the recording, once known.
     place: Option<Place>,
     #[serde(skip)]
     readings: Vec<(ImuId, Sensor, Reading)>,
-    /// The same, as their times are put right.
+    /// Readings after the correction of their times.
     #[serde(skip)]
     timed: Vec<(ImuId, Sensor, Reading)>,
     #[serde(skip)]
     events: Vec<engine::Event>,
 }
 
-/// One IMU while it is learned.
+/// State of one IMU.
 #[derive(Serialize, Deserialize)]
 struct Learning {
     engine: Engine,
-    /// Not saved: the annotations say the same.
+    /// Not saved, since the annotations contain the same.
     #[serde(skip)]
     findings: Findings,
-    /// By the calibration in force.
+    /// Corrections by the calibration in force.
     corrections: Option<Corrections>,
 }
 
-/// What a recording taught.
+/// Results of a recording.
 #[derive(Debug)]
 pub(crate) struct Learned {
     pub(crate) imus: Vec<Findings>,
-    /// Every channel, and what it was used for.
+    /// All channels, and their roles.
     pub(crate) channels: Vec<(Channel, ChannelRole)>,
-    /// What was refused or missed, one line each.
+    /// Refusals and missing inputs, one line each.
     pub(crate) notes: Vec<String>,
-    /// Whether an IMU's channels stand one behind the other, and were not read in order.
+    /// Whether an IMU's channels follow each other in the file and were not read in time order.
     pub(crate) apart: bool,
-    /// The first ones.
+    /// First damages.
     pub(crate) damage: Vec<Damage>,
     pub(crate) damages: u64,
-    /// Has all topics, and can go on.
+    /// Annotator with all topics, which can continue.
     pub(crate) annotator: Annotator,
 }
 
@@ -116,32 +117,32 @@ impl Learner {
         }
     }
 
-    /// The same, but messages of these channels are taken in the order of their log times.
+    /// Processes messages of these channels in the order of their log times.
     pub(crate) fn in_time_order(self, channels: BTreeSet<u16>) -> Self {
         Self { time_order: TimeOrder::merging(channels), ..self }
     }
 
-    /// Channels of one IMU that stand one behind the other, if there are any: what is learned of it is worth little unless
-    /// they are read [in the order of their times](Self::in_time_order).
+    /// Channels of one IMU that follow each other in the file, if any. Its results are unreliable unless they are read
+    /// [in time order](Self::in_time_order).
     pub(crate) fn apart(&self) -> Option<BTreeSet<u16>> {
         self.time_order.apart()
     }
 
-    /// Tells of the channels so far once more.
+    /// Reports the channels so far once more.
     pub(crate) fn tell_channels(&self, tell: Tell<'_>) {
         for entry in self.sources.table.iter() {
             tell(News::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
         }
     }
 
-    /// Tells how each IMU stands.
+    /// Reports the state of each IMU.
     pub(crate) fn tell_imus(&self, tell: Tell<'_>) {
         for Learning { engine, findings, .. } in &self.imus {
             tell(News::Imu { findings, status: engine.status() });
         }
     }
 
-    /// Takes an event of the scan, and tells what is new.
+    /// Processes an event of the scan, and reports news.
     pub(crate) fn take(&mut self, event: Event<'_>, tell: Tell<'_>) {
         match event {
             Event::Header { profile, .. } if !self.begun => {
@@ -189,17 +190,17 @@ impl Learner {
         }
     }
 
-    /// Whether messages on these channels teach nothing.
+    /// Whether messages on these channels are not used.
     pub(crate) fn is_useless(&self, channels: &[u16]) -> bool {
         self.sources.is_useless(channels)
     }
 
-    /// Hands over the blocks that were closed since the last time, so that they do not pile up.
+    /// Takes the blocks closed since the last call, so that they do not pile up.
     pub(crate) fn take_blocks(&mut self) -> impl Iterator<Item = Block> {
         self.blocks.drain(..)
     }
 
-    /// Whether there are blocks that nobody took yet.
+    /// Whether there are blocks that were not taken yet.
     pub(crate) fn has_blocks(&self) -> bool {
         !self.blocks.is_empty()
     }
@@ -209,7 +210,7 @@ impl Learner {
         self.annotator.topics()
     }
 
-    /// A split begins, of several if it has a name.
+    /// Begins a split. It has a name if there are several.
     pub(crate) fn begin_split(&mut self, name: Option<String>, is_first: bool) {
         self.split = name;
         if !is_first {
@@ -217,7 +218,7 @@ impl Learner {
         }
     }
 
-    /// A split has ended: no block reaches over into the next.
+    /// Ends a split: no block extends into the next.
     pub(crate) fn end_split(&mut self) {
         let last = self.annotator.finish();
         self.blocks.extend(last);
@@ -228,19 +229,19 @@ impl Learner {
         !self.imus.is_empty()
     }
 
-    /// What there is, as far as it has been read.
+    /// Sources so far.
     pub(crate) fn sources(&self) -> &Sources {
         &self.sources
     }
 
-    /// Why topics that might be IMUs are none so far, and what damage hides, one line each.
+    /// Reasons why topics that might be IMUs are none so far, and the first damage, one line each.
     pub(crate) fn obstacles(&self) -> Vec<String> {
         let mut obstacles = self.sources.intake.obstacles();
         obstacles.extend(self.damage.first().map(ToString::to_string));
         obstacles
     }
 
-    /// The last split has ended, too.
+    /// Ends the recording after its last split.
     pub(crate) fn close(&mut self, tell: Tell<'_>) {
         self.closed = true;
         while let Some(held) = self.time_order.pop() {
@@ -261,7 +262,7 @@ impl Learner {
         self.end_split();
     }
 
-    /// What the recording taught.
+    /// Results of the recording.
     pub(crate) fn finish(mut self, tell: Tell<'_>) -> Learned {
         if !self.closed {
             self.close(tell);
@@ -284,7 +285,7 @@ impl Learner {
         }
     }
 
-    /// What was done to the times of the readings, one line each.
+    /// Corrections to the times of the readings, one line each.
     fn timing_remarks(&self) -> Vec<String> {
         let imus = self.sources.intake.imus().iter().enumerate();
         let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
@@ -323,7 +324,7 @@ impl Learner {
         self.push_timed(tell);
     }
 
-    /// Lets the engines have the readings whose turn has come.
+    /// Passes the readings whose turn has come to the engines.
     fn push_timed(&mut self, tell: Tell<'_>) {
         for i in 0..self.timed.len() {
             let Some(&(imu, sensor, reading)) = self.timed.get(i) else { break };
@@ -356,7 +357,7 @@ impl Learner {
         }
     }
 
-    /// The recording has said where it is made.
+    /// Sets the place of the recording.
     fn locate(&mut self, Position { latitude_deg, height_m }: Position, tell: Tell<'_>) {
         let place = Place { latitude_deg, height_m };
         self.place = Some(place);
@@ -370,7 +371,7 @@ impl Learner {
         }
     }
 
-    /// What is known of an IMU before anything was learned.
+    /// Findings of an IMU before anything was learned.
     fn nothing_of(&self, imu: &Imu) -> Findings {
         Findings { source_type: self.source_type(&imu.topic), ..Findings::new(&imu.name, &imu.topic) }
     }
@@ -381,7 +382,7 @@ impl Learner {
         entry.map(|entry| entry.schema_name().to_owned()).unwrap_or_default()
     }
 
-    /// Annotates the events of an IMU.
+    /// Writes the events of an IMU as annotations.
     fn publish(&mut self, imu: usize, tell: Tell<'_>) {
         let name = self.sources.intake.imus().get(imu).map_or("", |imu| &imu.name);
         let mut left = None;
@@ -403,7 +404,7 @@ impl Learner {
         }
     }
 
-    /// A line in the recording's log.
+    /// Writes a line to the recording's log.
     fn log(&mut self, level: Level, message: String, tell: Tell<'_>) {
         let timestamp = Some(Stamp::from_log_time(self.log_time).into());
         let message = printable(&message).into_owned();
@@ -414,7 +415,7 @@ impl Learner {
     }
 }
 
-/// Tells of the annotation that was added last.
+/// Reports the annotation that was added last.
 fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'_>) {
     if let Some((topic, annotation)) = last_of(annotator) {
         tell(News::Annotation { imu, topic, annotation, event });

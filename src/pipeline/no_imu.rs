@@ -1,4 +1,4 @@
-//! Refusal of a recording in which nothing is used: the topics there are, why not, and how to map one.
+//! Error for a recording in which nothing is used: the existing topics, the reasons, and how to map a topic.
 
 use std::path::Path;
 
@@ -7,10 +7,11 @@ use super::sources::Sources;
 use crate::Error;
 use crate::imu::{ChannelRole, ImuConfig, Suggestion};
 
-/// Topics that are named.
+/// Largest number of topics listed.
 const LISTED: usize = 8;
 
-/// The topics there are, why they are not used, and how to map one, or which ones the configuration names in vain.
+/// Error with the existing topics, the reasons why they are not used, and how to map one, or the configured topics that
+/// are missing.
 pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Error {
     let topic = |(entry, verdict): (&Entry, &ChannelRole)| {
         let Entry { channel, .. } = entry;
@@ -56,8 +57,8 @@ pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Er
     )
 }
 
-/// What to add to the configuration of a recording in which nothing is used: an IMU rather than an accelerometer by
-/// itself, one with a gyroscope rather than one without.
+/// Suggested configuration for a recording in which nothing is used. An IMU is preferred to an accelerometer by itself,
+/// one with a gyroscope to one without.
 fn suggested<'a>(verdicts: impl Iterator<Item = &'a ChannelRole>) -> Option<ImuConfig> {
     let suggestions = verdicts.filter_map(|verdict| match verdict {
         ChannelRole::Other { suggestion, .. } => suggestion.as_deref(),

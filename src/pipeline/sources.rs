@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::imu::{ChannelRole, Intake, MissingTopic};
 use crate::record::{Event, Message};
 
-/// What a configuration makes of the channels of a recording.
+/// Channels of a recording, and their use by a configuration.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Sources {
     pub(crate) table: ChannelTable,
@@ -20,35 +20,35 @@ impl Sources {
         Self { table: ChannelTable::default(), intake }
     }
 
-    /// Takes in schemas and channels. A channel is returned if it is new to the recording.
+    /// Adds schemas and channels. Returns a channel that is new to the recording.
     pub(crate) fn take(&mut self, event: &Event<'_>) -> Option<&Entry> {
         let entry = self.table.take(event)?;
         self.intake.channel(&entry.channel, entry.schema.as_ref());
         Some(entry)
     }
 
-    /// Another split begins, if one does.
+    /// Prepares for another split, if one follows.
     pub(crate) fn begin_split(&mut self) {
         self.table.begin_split();
     }
 
-    /// A message of this split, with the id that its channel has in the recording, if it is of any use.
+    /// Message of this split with the id that its channel has in the recording; `None` if it is not used.
     pub(crate) fn wanted<'m>(&self, message: Message<'m>) -> Option<Message<'m>> {
         let channel = self.table.get(message.channel)?.channel.id;
         self.intake.wants(channel).then_some(Message { channel, ..message })
     }
 
-    /// Whether messages on these channels of this split, all of them known, are of no use.
+    /// Whether these channels of this split are all known and not used.
     pub(crate) fn is_useless(&self, channels: &[u16]) -> bool {
         channels.iter().all(|&here| self.table.get(here).is_some_and(|entry| !self.intake.wants(entry.channel.id)))
     }
 
-    /// Every channel so far, and what it is used for.
+    /// All channels so far, and their roles.
     pub(crate) fn channels(&self) -> impl Iterator<Item = (&Entry, &ChannelRole)> + Clone {
         self.table.iter().map(|entry| (entry, self.intake.verdict(entry.channel.id)))
     }
 
-    /// What the configuration names and the recording lacks so far, one line each.
+    /// Topics that the configuration names and the recording lacks so far, one line each.
     pub(crate) fn missing(&self) -> Vec<String> {
         let line = |missing: MissingTopic| {
             let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();

@@ -1,6 +1,7 @@
-//! Order in time of the messages of one IMU, where the file holds one channel behind the other as converters write them.
+//! Time order of one IMU's messages, for files that hold one channel after the other, as some converters write them.
 //!
-//! A first pass finds the channels that stand apart; a second one holds their messages until the others have come so far.
+//! A first pass finds the channels that are apart; a second one holds their messages until the other channels have
+//! caught up.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,20 +9,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::Message;
 
-/// Messages that are that far behind another channel are not just late, ns of log time.
+/// Distance behind another channel from which on a message is not merely late, ns of log time.
 const APART: u64 = 1_000_000_000;
-/// So many in a row, while the other channel is silent, stand apart: a clock that was set back takes both along.
+/// Number of such messages in a row, while the other channel is silent, that shows channels apart. A clock that was set
+/// back affects both channels.
 const IN_A_ROW: u32 = 50;
-/// Bytes that are held at most (48 MiB).
+/// Most bytes held (48 MiB).
 const MOST: usize = 48 << 20;
 
-/// Finds channels that stand apart, or merges them.
+/// Finds channels that are apart, or merges them.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct TimeOrder {
-    /// By source of an IMU.
+    /// Groups by source of an IMU.
     groups: BTreeMap<usize, Group>,
     apart: BTreeSet<u16>,
-    /// What is merged, with the log time to which each channel has come.
+    /// Channels to merge, with the latest log time of each.
     merging: BTreeMap<u16, u64>,
     held: BTreeMap<(u64, u64), Held>,
     bytes: usize,
@@ -29,15 +31,15 @@ pub(crate) struct TimeOrder {
     gave_up: bool,
 }
 
-/// The channels of one IMU.
+/// Channels of one IMU.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Group {
     last: BTreeMap<u16, u64>,
-    /// Messages in a row that are far behind the other channels, and whose.
+    /// Channel of the last message, and its number of consecutive messages far behind the other channels.
     behind: (u16, u32),
 }
 
-/// A message that waits.
+/// A held message.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Held {
     channel: u16,
@@ -55,17 +57,17 @@ impl Held {
 }
 
 impl TimeOrder {
-    /// Merges these channels.
+    /// Order that merges these channels.
     pub(crate) fn merging(channels: BTreeSet<u16>) -> Self {
         Self { merging: channels.into_iter().map(|channel| (channel, 0)).collect(), ..Self::default() }
     }
 
-    /// Channels that were found to stand apart, and are not merged.
+    /// Channels that were found apart, unless channels are merged.
     pub(crate) fn apart(&self) -> Option<BTreeSet<u16>> {
         (self.merging.is_empty() && !self.apart.is_empty()).then(|| self.apart.clone())
     }
 
-    /// What was done, in words.
+    /// Description of the corrections.
     pub(crate) fn remark(&self) -> Option<String> {
         let text = match (self.merging.is_empty(), self.gave_up) {
             (true, _) => return None,
@@ -104,12 +106,12 @@ impl TimeOrder {
         }
     }
 
-    /// Whether messages of a channel are to be [held](Self::hold).
+    /// Whether messages of a channel must be [held](Self::hold).
     pub(crate) fn holds(&self, channel: u16) -> bool {
         !self.gave_up && self.merging.contains_key(&channel)
     }
 
-    /// Takes a message; those whose turn has come are [next](Self::next).
+    /// Holds a message. Those whose turn has come are returned by [`next`](Self::next).
     pub(crate) fn hold(&mut self, message: &Message<'_>) {
         let Message { channel, sequence, log_time, publish_time, data } = *message;
         if let Some(newest) = self.merging.get_mut(&channel) {
@@ -122,14 +124,14 @@ impl TimeOrder {
         self.gave_up |= self.bytes > MOST;
     }
 
-    /// The next message that no other can precede.
+    /// Next message that no other can precede.
     pub(crate) fn next(&mut self) -> Option<Held> {
         let until = self.merging.values().min().copied().unwrap_or_default();
         let ((log_time, _), _) = self.held.first_key_value()?;
         if *log_time > until && !self.gave_up { None } else { self.pop() }
     }
 
-    /// The next message, now that no more come.
+    /// Next message, once no more arrive.
     pub(crate) fn pop(&mut self) -> Option<Held> {
         let (_, held) = self.held.pop_first()?;
         self.bytes -= held.data.len() + 64;

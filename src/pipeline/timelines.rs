@@ -1,4 +1,4 @@
-//! Timelines of a recording's IMUs, for a report: told by its annotations where it has some, else by a learner.
+//! Timelines of a recording's IMUs, for a report: from its annotations if it has some, otherwise from a learner.
 
 use super::annotations;
 use super::learner::Learner;
@@ -11,29 +11,29 @@ use crate::record::{Event, Message};
 use crate::report::{Findings, Timeline};
 use crate::topic;
 
-/// Damages that are listed one by one.
+/// Number of damages listed one by one.
 const LISTED: u64 = 10;
 
 /// Collects timelines from the events of a scan.
 pub(crate) struct Timelines {
     pub(crate) imus: Vec<Timeline>,
-    /// What was missed or wrong, one line each.
+    /// Missing inputs and problems, one line each.
     pub(crate) notes: Vec<String>,
     pub(crate) damages: u64,
     sources: Sources,
-    /// Whether the annotations in the recording are ours, and not learned meanwhile.
+    /// Whether the annotations in the recording are used, and nothing is learned.
     annotated: bool,
     samples: Vec<(ImuId, Sensor, Sample)>,
 }
 
 impl Timelines {
-    /// Of a recording whose annotations are believed if it is `annotated`.
+    /// Timelines of a recording whose annotations are used if it is `annotated`.
     pub(crate) fn new(config: &Config, annotated: bool) -> Self {
         let sources = Sources::new(config);
         Self { imus: Vec::new(), notes: Vec::new(), damages: 0, sources, annotated, samples: Vec::new() }
     }
 
-    /// Takes an event of the scan.
+    /// Processes an event of the scan.
     pub(crate) fn take(&mut self, event: &Event<'_>) {
         self.sources.take(event);
         match event {
@@ -57,12 +57,12 @@ impl Timelines {
         }
     }
 
-    /// Another split begins, if one does.
+    /// Prepares for another split, if one follows.
     pub(crate) fn begin_split(&mut self) {
         self.sources.begin_split();
     }
 
-    /// Takes what was just learned.
+    /// Adds the new annotations of a learner.
     pub(crate) fn learned(&mut self, learner: &mut Learner) {
         let blocks: Vec<_> = learner.take_blocks().collect();
         for annotation in blocks.iter().flat_map(|block| &block.annotations) {
@@ -73,7 +73,7 @@ impl Timelines {
         }
     }
 
-    /// All of it.
+    /// Timelines, notes, and number of damages.
     pub(crate) fn finish(self) -> (Vec<Timeline>, Vec<String>, u64) {
         let Self { imus, mut notes, damages, .. } = self;
         if damages > LISTED {
@@ -83,7 +83,7 @@ impl Timelines {
     }
 
     fn annotation(&mut self, imu: &str, event: &engine::Event) {
-        // The log is of all IMUs; each line names its own.
+        // The log is shared by all IMUs; each line names its own.
         if let engine::Message::Log(log) = &event.message {
             let named: Vec<_> = self.imus.iter_mut().filter(|timeline| timeline.findings.name == log.name).collect();
             match named.is_empty() {

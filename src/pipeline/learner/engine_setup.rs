@@ -1,10 +1,10 @@
-//! What an engine is told of its IMU.
+//! Configuration of an engine for its IMU.
 
 use crate::config::Config;
 use crate::engine::{self, Secondary};
 use crate::imu::{Imu, Sensor};
 
-/// The topic of a sensor; empty if there is none.
+/// Topic of a sensor; empty if there is none.
 pub(super) fn topic_of(imu: &Imu, sensor: Sensor) -> &str {
     imu.triads.iter().find(|triad| triad.sensor == sensor).map_or("", |triad| &triad.topic)
 }

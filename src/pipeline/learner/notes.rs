@@ -1,14 +1,14 @@
-//! What is said of a recording as a whole.
+//! Notes on a recording as a whole.
 
 use crate::annotate::Corrections;
 use crate::report::Findings;
 
-/// Why there are no corrected messages of an IMU that was calibrated.
+/// Reason why there are no corrected messages of an IMU that was calibrated.
 pub(crate) fn not_corrected(imu: &Findings) -> String {
     format!("{}: no message could be corrected: its readings are integers, which cannot hold the result", imu.name)
 }
 
-/// Which readings stay as they are in corrected messages, in words, if any do.
+/// Description of the readings that corrected messages leave unchanged; `None` if there are none.
 pub(crate) fn uncorrected(name: &str, corrections: &Corrections) -> Option<String> {
     let left = corrections.undetermined();
     let list = left.join(", ");

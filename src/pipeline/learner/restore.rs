@@ -1,4 +1,4 @@
-//! Going on with what was saved: a [`Learner`] does not save what its annotations say, and takes it in again.
+//! Resumption of a saved [`Learner`]. Findings are not saved, but restored from the annotations.
 
 use super::Learner;
 use crate::annotate;
@@ -8,8 +8,8 @@ use crate::record::{Annotation, Topic};
 use crate::topic;
 
 impl Learner {
-    /// Goes on with what was saved under the same configuration. What had been learned is to be
-    /// [recalled](Self::recall) from the annotations.
+    /// Resumes a learner that was saved under the same configuration. Its findings must be [recalled](Self::recall)
+    /// from the annotations.
     pub(crate) fn resume(mut self, config: &Config) -> Self {
         self.config = config.clone();
         for i in 0..self.imus.len() {
@@ -19,7 +19,7 @@ impl Learner {
         self
     }
 
-    /// Takes in annotations that were written before, on these topics.
+    /// Restores findings from annotations that were written before, on these topics.
     pub(crate) fn recall(&mut self, annotations: &[Annotation], topics: &[Topic]) {
         for annotation in annotations {
             let Some(on) = topics.get(annotation.topic) else { continue };
@@ -32,7 +32,7 @@ impl Learner {
         }
     }
 
-    /// Takes in the annotations that had not been written before.
+    /// Restores findings from the annotations that had not been written yet.
     pub(crate) fn recall_open(&mut self) {
         let annotator = self.annotator.clone();
         self.recall(annotator.open(), annotator.topics());
