@@ -1,9 +1,9 @@
-//! Recordings with known truth: a [`Scenario`] says which sensors rest and move how, [`samples`] computes what they
-//! read, and [`record`] writes that as an MCAP recording. What can be learned from one is left to the other layers.
+//! Recordings with known truth: a [`Scenario`] describes the sensors, their rests and their motion, [`samples`]
+//! computes their readings, and [`record`] writes an MCAP recording. Learning from it is left to the other layers.
 //!
 //! The motion is physical: the gyroscope's true rate is the derivative of the attitude, the true specific force is the
-//! reaction to gravity plus the acceleration of the hand, and a rest is a rest. Noise comes from a seeded generator:
-//! the same scenario gives the same bytes.
+//! reaction to gravity plus the acceleration of the hand, and a rest has no motion at all. Noise comes from a seeded
+//! generator: the same scenario gives the same bytes.
 //!
 //! ```
 //! use stillpoint::simulate::{Scenario, record};

@@ -1,6 +1,6 @@
-//! The scenarios that come with the program.
+//! Built-in scenarios.
 
-/// The built-in scenarios: name and TOML text, to be printed and edited.
+/// Built-in scenarios: name and TOML text, to be printed and edited.
 pub const BUILTIN: [(&str, &str); 4] = [
     ("demo", include_str!("scenarios/demo.toml")),
     ("thesis-sequence-1", include_str!("scenarios/thesis-sequence-1.toml")),

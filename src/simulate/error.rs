@@ -1,29 +1,29 @@
-//! Why there is no simulated recording.
+//! Errors of the simulation.
 
 use super::builtin::BUILTIN;
 
-/// Why there is no recording.
+/// Reason why a recording cannot be simulated.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The text is not TOML, or not a scenario.
     #[error("scenario{}: {problem}", at(.line, .key))]
     Scenario {
-        /// Line in the text, from 1, if it is known.
+        /// Line in the text, from 1, if known.
         line: Option<usize>,
-        /// Key of the value, if it is known.
+        /// Key of the value, if known.
         key: Option<String>,
-        /// What is wrong with it.
+        /// Description of the problem.
         problem: String,
     },
-    /// A value that cannot be simulated.
+    /// A value cannot be simulated.
     #[error("scenario, {key}: {problem}")]
     Value {
-        /// Its key, `gyroscope.rate_hz` for instance; poses count from 0.
+        /// Key of the value, `gyroscope.rate_hz` for instance; poses count from 0.
         key: String,
-        /// What is wrong with it, and what would be right.
+        /// Description of the problem and of the allowed values.
         problem: String,
     },
-    /// No built-in scenario is called so.
+    /// There is no built-in scenario of this name.
     #[error("no built-in scenario is called {0:?}; there are {known}", known = known_names())]
     Unknown(String),
     /// The recording could not be written.

@@ -1,23 +1,23 @@
-//! What happens to the readings of a sensor between its converter and the recording.
+//! Faults of a sensor's readings between its converter and the recording.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// The faults of one sensor; none by default. They are no part of its truth.
+/// Faults of one sensor; none by default. They are not part of its truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Fault {
-    /// What readings are multiplied with: 0.101972 for an accelerometer in g, 57.29578 for a gyroscope in deg/s.
+    /// Factor on the readings: 0.101972 for an accelerometer in g, 57.29578 for a gyroscope in deg/s.
     pub factor: f64,
-    /// Axes recorded with the other sign.
+    /// Axes recorded with the opposite sign.
     pub flipped: Vec<Axis>,
-    /// Axes that stand still …
+    /// Axes whose readings freeze, from [`frozen_from_s`](Self::frozen_from_s) on.
     pub frozen: Vec<Axis>,
-    /// … from so many seconds after the start of the recording on.
+    /// Start of the freezing, in seconds after the start of the recording.
     pub frozen_from_s: f64,
-    /// Accelerometer: whether gravity is taken away, as by a sensor that knows its attitude.
+    /// Accelerometer: whether gravity is removed, as by a sensor that knows its attitude.
     pub gravity_removed: bool,
-    /// How fast an estimator in the driver takes the bias away, a time constant in seconds; not at all if absent.
+    /// Time constant with which an estimator in the driver removes the bias, in seconds; it does not if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bias_learned_in_s: Option<f64>,
 }
@@ -48,12 +48,12 @@ impl Default for Fault {
 }
 
 impl Fault {
-    /// How much of the bias is left so many seconds after the start.
+    /// Fraction of the bias that is left `seconds` after the start.
     pub(super) fn bias_left(&self, seconds: f64) -> f64 {
         self.bias_learned_in_s.map_or(1.0, |constant| libm::exp(-seconds / constant))
     }
 
-    /// What is recorded of a reading, given what was recorded before.
+    /// Recorded value of a reading, given the last recorded value.
     pub(super) fn recorded(&self, mut reading: Vector3<f64>, seconds: f64, last: Option<Vector3<f64>>) -> Vector3<f64> {
         reading *= self.factor;
         self.flipped.iter().for_each(|axis| reading[axis.index()] *= -1.0);

@@ -1,11 +1,11 @@
-//! Scenarios out of TOML. Whether the values make sense is left to `validate`.
+//! Scenarios from TOML. Checking the values is left to `validate`.
 
 use super::builtin::BUILTIN;
 use super::validate::validate;
 use super::{Error, Scenario};
 
 impl Scenario {
-    /// The scenario that a TOML text describes.
+    /// Parses a scenario from TOML text.
     ///
     /// # Errors
     /// If the text is not TOML or not a scenario, with its line; if a value cannot be simulated, with its key.
@@ -15,7 +15,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The scenario that a table describes: a parsed text with overrides merged in, say.
+    /// Converts a table to a scenario, for instance a parsed text with overrides merged in.
     ///
     /// # Errors
     /// As [`parse`](Self::parse), with the key instead of the line.
@@ -25,10 +25,10 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The built-in scenario of this name.
+    /// Built-in scenario of this name.
     ///
     /// # Errors
-    /// If there is none; the error lists those there are.
+    /// If there is none; the error lists the existing ones.
     pub fn builtin(name: &str) -> Result<Self, Error> {
         let (_, text) =
             BUILTIN.iter().find(|(known, _)| *known == name).ok_or_else(|| Error::Unknown(name.to_owned()))?;
@@ -39,7 +39,7 @@ impl Scenario {
 fn malformed(error: &toml::de::Error, text: Option<&str>) -> Error {
     let before = text.zip(error.span()).and_then(|(text, span)| text.get(..span.start));
     let line = before.map(|before| before.matches('\n').count() + 1);
-    // Without the text, the error shows the key, behind its message and in backticks.
+    // Without the text, the error shows the key, after its message and in backticks.
     let mut bare = error.clone();
     bare.set_input(None);
     let bare = bare.to_string();

@@ -1,4 +1,4 @@
-//! Readings as messages, in each of the encodings, with their schemas. Which message goes where is left to `write`.
+//! Readings as messages, in each of the encodings, with their schemas. Their topics are left to `write`.
 
 mod own;
 mod ros;
@@ -11,22 +11,22 @@ use crate::Stamp;
 /// Stamp and frame of a message.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Header<'a> {
-    /// Counts the messages of the topic, for ROS 1.
+    /// Number of the message on its topic, for ROS 1.
     pub sequence: u32,
     pub stamp: Stamp,
     pub frame_id: &'a str,
 }
 
-/// What a message says.
+/// Content of a message.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Body {
-    /// Of an IMU: specific force and angular rate, of which one may be measured elsewhere.
+    /// Message of an IMU: specific force and angular rate, one of which may be measured elsewhere.
     Imu { accel: Option<Vector3<f64>>, gyro: Option<Vector3<f64>> },
-    /// Of a secondary accelerometer.
+    /// Message of a secondary accelerometer.
     Vector(Vector3<f64>),
 }
 
-/// The type of a message.
+/// Schema of a message.
 #[derive(Clone, Debug)]
 pub(super) struct Schema {
     pub name: &'static str,
@@ -34,7 +34,7 @@ pub(super) struct Schema {
     pub data: Vec<u8>,
 }
 
-/// Which of the two types.
+/// Type of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Type {
     Imu,
@@ -51,7 +51,7 @@ impl Encoding {
         }
     }
 
-    /// The name that channels give it.
+    /// Message encoding in channel records.
     pub(super) fn message_encoding(self) -> &'static str {
         match self {
             Self::Ros2 => "cdr",

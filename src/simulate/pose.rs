@@ -1,6 +1,7 @@
-//! Attitudes: how the sensor lies in a world whose z axis points up. What moves it there is left to `trajectory`.
+//! Attitudes of the sensor in a world whose z axis points up. Motion between attitudes is left to `trajectory`.
 //!
-//! An attitude rotates the sensor's frame into the world. Angles go through `libm`, for the same bytes everywhere.
+//! An attitude rotates the sensor's frame into the world. Angles go through `libm`, for the same bytes on every
+//! machine.
 
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
@@ -18,8 +19,8 @@ const FACES: [(&str, [f64; 3]); 6] = [
     ("-Z", [0.0, 0.0, -1.0]),
 ];
 
-/// The attitude of a pose, further tilted by `scatter`, the components of a small rotation about two horizontal axes in
-/// radians. Nothing if the pose does not say how the sensor lies.
+/// Attitude of a pose, further tilted by `scatter`: the components of a small rotation about two horizontal axes, in
+/// radians. `None` if the pose does not define an attitude.
 pub(super) fn attitude(pose: &Pose, scatter: [f64; 2]) -> Option<Attitude> {
     let lying = match (&pose.face, pose.up, pose.attitude) {
         (Some(face), None, None) => between(&face_normal(face)?, &Vector3::z_axis()),
@@ -35,12 +36,12 @@ pub(super) fn attitude(pose: &Pose, scatter: [f64; 2]) -> Option<Attitude> {
     Some(rotation(&Vector3::z_axis(), pose.heading_deg.to_radians()) * lying * tilted)
 }
 
-/// The direction in the sensor's frame that points up; a perfect accelerometer at rest reads g times this.
+/// Direction in the sensor's frame that points up. A perfect accelerometer at rest reads g times this.
 pub(super) fn up(attitude: &Attitude) -> Unit<Vector3<f64>> {
     Unit::new_normalize(attitude.inverse_transform_vector(&Vector3::z()))
 }
 
-/// The face of a cube nearest to a direction, and the angle between them in degrees.
+/// Face of a cube nearest to a direction, and the angle between them in degrees.
 pub(super) fn nearest_face(up: &Unit<Vector3<f64>>) -> (&'static str, f64) {
     let axis = up.iamax();
     let (name, normal) = FACES[2 * axis + usize::from(up[axis] < 0.0)];
@@ -48,13 +49,13 @@ pub(super) fn nearest_face(up: &Unit<Vector3<f64>>) -> (&'static str, f64) {
     (name, libm::atan2(normal.cross(up).norm(), normal.dot(up)).to_degrees())
 }
 
-/// The rotation by an angle in radians about an axis.
+/// Rotation by an angle in radians about an axis.
 pub(super) fn rotation(axis: &Unit<Vector3<f64>>, angle: f64) -> Attitude {
     let (sin, cos) = libm::sincos(angle / 2.0);
     Unit::new_normalize(Quaternion::from_parts(cos, axis.into_inner() * sin))
 }
 
-/// Axis and angle (0 to π) of a rotation; the x axis for none.
+/// Axis and angle (0 to π) of a rotation; the x axis if there is no rotation.
 pub(super) fn axis_angle(rotation: &Attitude) -> (Unit<Vector3<f64>>, f64) {
     let short = if rotation.w < 0.0 { -rotation.into_inner() } else { rotation.into_inner() };
     let imaginary = short.imag();
@@ -62,23 +63,24 @@ pub(super) fn axis_angle(rotation: &Attitude) -> (Unit<Vector3<f64>>, f64) {
     (Unit::try_new(imaginary, 1e-12).unwrap_or_else(Vector3::x_axis), angle)
 }
 
-/// The normal of a face of a cube.
+/// Normal of a face of a cube.
 fn face_normal(face: &str) -> Option<Unit<Vector3<f64>>> {
     FACES.iter().find(|(name, _)| *name == face).map(|(_, normal)| Unit::new_unchecked(Vector3::from(*normal)))
 }
 
-/// The shortest rotation that takes one direction to another.
+/// Shortest rotation that takes one direction to another.
 fn between(from: &Unit<Vector3<f64>>, to: &Unit<Vector3<f64>>) -> Attitude {
     let w = 1.0 + from.dot(to);
     if w < 1e-12 {
-        // Opposite: half a turn about any horizontal axis.
+        // Opposite directions: half a turn about any horizontal axis.
         let (axis, _) = horizontal(from);
         return Unit::new_unchecked(Quaternion::from_parts(0.0, axis));
     }
     Unit::new_normalize(Quaternion::from_parts(w, from.cross(to)))
 }
 
-/// A direction tipped by the angles `along` the first and `across` to the second horizontal axis, in radians.
+/// Direction tipped by the angles `along` towards the first and `across` towards the second horizontal axis, in
+/// radians.
 fn tip(up: &Unit<Vector3<f64>>, along: f64, across: f64) -> Unit<Vector3<f64>> {
     let (first, second) = horizontal(up);
     let tilt = libm::hypot(along, across);
@@ -90,7 +92,8 @@ fn tip(up: &Unit<Vector3<f64>>, along: f64, across: f64) -> Unit<Vector3<f64>> {
     Unit::new_normalize(up.into_inner() * cos + towards * sin)
 }
 
-/// Two directions that are horizontal while `up` points up: the first towards the axis after the one nearest to it.
+/// Two directions that are horizontal while `up` points up. The first points towards the axis after the one nearest to
+/// `up`.
 fn horizontal(up: &Unit<Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
     let mut next = Vector3::zeros();
     next[(up.iamax() + 1) % 3] = 1.0;

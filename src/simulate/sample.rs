@@ -1,4 +1,4 @@
-//! The readings of a session in the order of their stamps. How they are written is left to `write`.
+//! Readings of a session in the order of their stamps. Writing them is left to `write`.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
@@ -11,24 +11,24 @@ use super::{Error, Reference, Scenario};
 use crate::imu::Quantity;
 use crate::{Stamp, imu};
 
-/// One reading of one sensor, and what there was to read.
+/// One reading of one sensor, with the true values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Which sensor; secondary ones count in the order of their names.
+    /// Sensor; secondary ones count in the order of their names.
     pub sensor: imu::Sensor,
-    /// When it was taken.
+    /// Time of measurement.
     pub stamp: Stamp,
-    /// What it reads, in m/s² or rad/s.
+    /// Measured value, in m/s² or rad/s.
     pub measured: Vector3<f64>,
     /// True specific force in the sensor's frame, in m/s².
     pub force: Vector3<f64>,
     /// True angular rate in the sensor's frame, in rad/s.
     pub rate: Vector3<f64>,
-    /// The pose that it was taken in, none in motion.
+    /// Index of the pose; `None` in motion.
     pub pose: Option<usize>,
 }
 
-/// The readings of a session, see [`samples`].
+/// Readings of a session, see [`samples`].
 #[derive(Clone, Debug)]
 pub struct Samples {
     start: Stamp,
@@ -36,13 +36,14 @@ pub struct Samples {
     sensors: Vec<Sensor>,
 }
 
-/// The readings of a session by stamp; those of one instant in the order accelerometer, gyroscope, secondary.
+/// Readings of a session by stamp; those of one instant in the order accelerometer, gyroscope, reference, secondary.
 ///
 /// # Errors
 /// If a value of the scenario cannot be simulated, with its key.
 pub fn samples(scenario: &Scenario) -> Result<Samples, Error> {
     validate(scenario)?;
-    // Every source of randomness has a stream of its own: one more sensor does not change the noise of the others.
+    // Every source of randomness has a stream of its own, so that one more sensor does not change the noise of the
+    // others.
     let stream = |stream: u64| {
         let mut random = ChaCha8Rng::seed_from_u64(scenario.recording.seed);
         random.set_stream(stream);

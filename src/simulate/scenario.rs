@@ -1,4 +1,4 @@
-//! What is simulated, as a TOML file says it. Reading one is left to `load`.
+//! Scenario, as described by a TOML file. Parsing is left to `load`.
 
 use std::collections::BTreeMap;
 
@@ -14,36 +14,36 @@ pub struct Scenario {
     /// Magnitude of gravity, in m/s².
     #[serde(default = "standard_gravity")]
     pub gravity: f64,
-    /// Where the Earth's rotation is felt, in degrees north; nowhere if absent.
+    /// Latitude at which the Earth's rotation is simulated, in degrees north; not simulated if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latitude_deg: Option<f64>,
     /// Standard deviation of the tilt of each placement about each of two horizontal axes, in degrees.
     #[serde(default)]
     pub tilt_scatter_deg: f64,
-    /// How it is recorded.
+    /// Settings of the recording.
     pub recording: Recording,
-    /// The primary accelerometer.
+    /// Primary accelerometer.
     pub accelerometer: Triad,
-    /// The gyroscope, in the accelerometer's messages unless it has a topic of its own.
+    /// Gyroscope, in the accelerometer's messages unless it has a topic of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyroscope: Option<Triad>,
     /// Further accelerometers that move with the primary one, by name.
     #[serde(default)]
     pub secondary: BTreeMap<String, Triad>,
-    /// What tells the true specific force and angular rate.
+    /// Reference for the true specific force and angular rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
-    /// What happens between poses.
+    /// Motion between poses.
     #[serde(default)]
     pub motion: Motion,
-    /// The poses, one after the other; each is a placement of its own.
+    /// Poses, one after the other; each is a placement of its own.
     pub pose: Vec<Pose>,
-    /// What shakes the sensors, at rest and in motion.
+    /// Vibrations of the sensors, at rest and in motion.
     #[serde(default)]
     pub vibration: Vec<Vibration>,
 }
 
-/// How a session is recorded.
+/// Settings of a simulated recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Recording {
@@ -61,7 +61,7 @@ pub struct Recording {
     pub chunk_bytes: u32,
     /// Coordinate frame named in each message.
     pub frame_id: String,
-    /// How often each message is recorded: twice if a relay publishes it again, say.
+    /// Number of times that each message is recorded: 2, for instance, if a relay publishes it again.
     pub copies: u8,
 }
 
@@ -80,7 +80,7 @@ impl Default for Recording {
     }
 }
 
-/// How messages are encoded.
+/// Encoding of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
@@ -94,11 +94,11 @@ pub enum Encoding {
     Json,
 }
 
-/// How chunks are compressed.
+/// Compression of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Compression {
-    /// Not at all.
+    /// No compression.
     None,
     /// LZ4 frames.
     Lz4,
@@ -113,33 +113,33 @@ pub struct Triad {
     /// Topic of its messages; `/imu/data_raw` if absent, and for a gyroscope the accelerometer's messages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Samples a second. A gyroscope in the accelerometer's messages has the accelerometer's.
+    /// Sampling rate, in Hz. A gyroscope in the accelerometer's messages has the accelerometer's.
     pub rate_hz: f64,
-    /// How long after the start of the recording the first sample is taken, in seconds.
+    /// Time of the first sample after the start of the recording, in seconds.
     #[serde(default)]
     pub phase_s: f64,
-    /// Reading without input.
+    /// Bias: reading without input, in m/s² or rad/s.
     #[serde(default)]
     pub bias: [f64; 3],
-    /// Maps true to measured, dimensionless.
+    /// Sensitivity, the map from true to measured, dimensionless.
     #[serde(default)]
     pub sensitivity: Sensitivity,
-    /// Standard deviation of the noise of one axis of one sample.
+    /// Standard deviation of the noise of one axis of one sample, in m/s² or rad/s.
     #[serde(default)]
     pub noise: f64,
-    /// Time after which the noise has forgotten itself to 1/e, as behind a low-pass filter, in seconds; 0 is white.
+    /// Correlation time of the noise (decay to 1/e), as after a low-pass filter, in seconds; 0 for white noise.
     #[serde(default)]
     pub noise_correlation_s: f64,
-    /// Quantisation step; 0 for none.
+    /// Quantisation step, in m/s² or rad/s; 0 for none.
     #[serde(default)]
     pub step: f64,
-    /// Largest reading, where it saturates; none if absent.
+    /// Largest reading, at which it saturates, in m/s² or rad/s; no saturation if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<f64>,
-    /// Standard deviation of the offset that each placement adds to each axis.
+    /// Standard deviation of the offset that each placement adds to each axis, in m/s² or rad/s.
     #[serde(default)]
     pub placement_scatter: f64,
-    /// How much the bias grows in an hour.
+    /// Increase of the bias per hour, in m/s² or rad/s.
     #[serde(default)]
     pub bias_drift_per_h: [f64; 3],
     /// Gyroscope: sensitivity to specific force, rows of rad/s per m/s².
@@ -151,32 +151,32 @@ pub struct Triad {
     /// Accelerometer: sensitivity to angular rate, rows of m/s² per rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_sensitivity: Option<[[f64; 3]; 3]>,
-    /// What happens to its readings before they are recorded.
+    /// Faults of its readings before they are recorded.
     #[serde(default)]
     pub fault: Fault,
 }
 
-/// A reference that knows the truth: a rate table, or motion capture.
+/// Reference that measures the truth: a rate table, or motion capture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reference {
     /// Topic of its messages.
     pub topic: String,
-    /// Samples a second.
+    /// Sampling rate, in Hz.
     pub rate_hz: f64,
-    /// How long after the start of the recording the first sample is taken, in seconds.
+    /// Time of the first sample after the start of the recording, in seconds.
     #[serde(default)]
     pub phase_s: f64,
     /// Standard deviation of the noise of one axis of its specific force, in m/s².
     #[serde(default)]
     pub accel_noise: f64,
-    /// The same of its angular rate, in rad/s.
+    /// Standard deviation of the noise of one axis of its angular rate, in rad/s.
     #[serde(default)]
     pub gyro_noise: f64,
 }
 
 impl Reference {
-    /// As two perfect sensors.
+    /// The reference as two perfect sensors, apart from the noise.
     pub(super) fn triads(&self) -> [Triad; 2] {
         [self.accel_noise, self.gyro_noise].map(|noise| Triad {
             topic: Some(self.topic.clone()),
@@ -188,13 +188,13 @@ impl Reference {
     }
 }
 
-/// The matrix **S** that maps true to measured.
+/// Sensitivity matrix **S**, the map from true to measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected three numbers (the diagonal) or three rows of three numbers")]
 pub enum Sensitivity {
     /// Scale factors without cross-axis sensitivity.
     Diagonal([f64; 3]),
-    /// All nine, row by row.
+    /// All nine elements, row by row.
     Matrix([[f64; 3]; 3]),
 }
 
@@ -205,7 +205,7 @@ impl Default for Sensitivity {
 }
 
 impl Sensitivity {
-    /// As a matrix.
+    /// Sensitivity as a matrix.
     pub fn matrix(self) -> Matrix3<f64> {
         match self {
             Self::Diagonal(scale) => Matrix3::from_diagonal(&Vector3::from(scale)),
@@ -214,55 +214,55 @@ impl Sensitivity {
     }
 }
 
-/// A place to rest. Exactly one of `face`, `up` and `attitude` says how.
+/// A pose to rest in. Exactly one of `face`, `up` and `attitude` defines its attitude.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pose {
-    /// The face of a cube that points up: `+X`, `-X`, …
+    /// Face of a cube that points up: `+X`, `-X`, …
     #[serde(skip_serializing_if = "Option::is_none")]
     pub face: Option<String>,
-    /// The direction in the sensor's frame that points up, of any length.
+    /// Direction in the sensor's frame that points up, of any length.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<[f64; 3]>,
-    /// The rotation from the sensor's frame to a world whose z axis points up, as a quaternion w, x, y, z.
+    /// Rotation from the sensor's frame to a world whose z axis points up, as a quaternion w, x, y, z.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude: Option<[f64; 4]>,
-    /// How far the sensor is tilted from that, in degrees.
+    /// Tilt of the sensor from this attitude, in degrees.
     pub tilt_deg: f64,
-    /// Where the tilt goes: 0 tips the up direction towards the next axis (X to Y to Z to X) after the one it is
-    /// nearest to, and it grows right-handed about the up direction. In degrees.
+    /// Direction of the tilt, in degrees: 0 tips the up direction towards the axis after the one that it is nearest to
+    /// (X to Y to Z to X); it increases right-handed about the up direction.
     pub azimuth_deg: f64,
-    /// Turn about the vertical, in degrees.
+    /// Rotation about the vertical, in degrees.
     pub heading_deg: f64,
-    /// How long it rests, in seconds.
+    /// Duration of the rest, in seconds.
     pub rest_s: f64,
-    /// Duration of the motion that leads here from the pose before, in seconds; `motion.duration_s` if absent.
+    /// Duration of the motion from the previous pose, in seconds; `motion.duration_s` if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion_s: Option<f64>,
-    /// Constant rotation instead of a rest, about the world's axes, in degrees a second: about z a turn on a table,
+    /// Constant rotation instead of a rest, about the world's axes, in degrees per second: about z a turn on a table,
     /// about x or y a slow creep.
     pub turn_deg_s: [f64; 3],
 }
 
-/// What happens between poses: the sensor is lifted, turned, carried and put down, smoothly.
+/// Motion between poses: the sensor is lifted, turned, carried and put down, smoothly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Motion {
-    /// From one pose to the next, in seconds.
+    /// Duration from one pose to the next, in seconds.
     pub duration_s: f64,
     /// Motion before the first rest, in seconds; the recording starts in the middle of it.
     pub start_s: f64,
     /// Motion after the last rest, in seconds; the recording ends in the middle of it.
     pub end_s: f64,
-    /// How far it is carried sideways, in metres.
+    /// Distance that it is carried sideways, in metres.
     pub carry_m: f64,
-    /// How far it is lifted, in metres.
+    /// Height that it is lifted, in metres.
     pub lift_m: f64,
     /// Detour of the attitude on the way, in degrees.
     pub wobble_deg: f64,
     /// Root mean square of the hand's shake in each direction, in m/s².
     pub shake: f64,
-    /// Its frequency, in Hz.
+    /// Frequency of the shake, in Hz.
     pub shake_hz: f64,
 }
 
@@ -281,7 +281,7 @@ impl Default for Motion {
     }
 }
 
-/// A sinusoidal acceleration, felt by the accelerometers only.
+/// A sinusoidal acceleration, which only accelerometers measure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vibration {
@@ -289,13 +289,13 @@ pub struct Vibration {
     pub amplitude: [f64; 3],
     /// Frequency, in Hz.
     pub frequency_hz: f64,
-    /// Fraction of the amplitude that comes and goes, 0 to 1; 0 is steady.
+    /// Fraction of the amplitude that is modulated, 0 to 1; 0 is steady.
     #[serde(default)]
     pub modulation: f64,
-    /// How often it comes and goes, in Hz.
+    /// Frequency of the modulation, in Hz.
     #[serde(default)]
     pub modulation_hz: f64,
-    /// Length of a burst, in seconds; without it the vibration does not pause.
+    /// Duration of a burst, in seconds; without it the vibration does not pause.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub burst_s: Option<f64>,
     /// Pause after each burst, in seconds.
@@ -309,8 +309,8 @@ impl Scenario {
         self.accelerometer.topic.as_deref().unwrap_or("/imu/data_raw")
     }
 
-    /// Every topic of the recording: the primary accelerometer's, the gyroscope's own if it has one, the secondaries', the
-    /// reference's.
+    /// All topics of the recording: of the primary accelerometer, of the gyroscope if it has its own, of the
+    /// secondaries, of the reference.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let others = self.gyroscope.iter().chain(self.secondary.values());
         let reference = self.reference.iter().map(|reference| reference.topic.as_str());

@@ -1,4 +1,4 @@
-//! What one sensor makes of the truth: `measured = bias + S · true`, the cross terms, noise, quantisation, saturation.
+//! Measurement model of one sensor: `measured = bias + S · true`, the cross terms, noise, quantisation, saturation.
 
 use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
@@ -10,7 +10,7 @@ use super::trajectory::State;
 use super::{Scenario, Triad};
 use crate::imu::{self, Quantity};
 
-/// A sensor with its generator.
+/// A sensor with its random generator.
 #[derive(Clone, Debug)]
 pub(super) struct Sensor {
     pub which: imu::Sensor,
@@ -22,16 +22,16 @@ pub(super) struct Sensor {
     /// Offset of each placement.
     offsets: Vec<Vector3<f64>>,
     random: ChaCha8Rng,
-    /// How much of the noise of one sample is still there at the next, 0 to 1.
+    /// Autocorrelation of the noise from one sample to the next, 0 to 1.
     memory: f64,
     noise: Vector3<f64>,
     taken: u64,
-    /// What was recorded last.
+    /// Last recorded value.
     recorded: Option<Vector3<f64>>,
 }
 
 impl Sensor {
-    /// A sensor of the scenario; `random` is its own.
+    /// Sensor of the scenario; `random` is its own generator.
     pub fn new(which: imu::Sensor, triad: &Triad, scenario: &Scenario, mut random: ChaCha8Rng) -> Self {
         let memory = match triad.noise_correlation_s {
             0.0 => 0.0,
@@ -53,12 +53,12 @@ impl Sensor {
         }
     }
 
-    /// When the next sample is taken, in nanoseconds since the start of the recording.
+    /// Time of the next sample, in nanoseconds since the start of the recording.
     pub fn next(&self) -> i64 {
         ((self.triad.phase_s + self.taken as f64 / self.triad.rate_hz) * 1e9).round() as i64
     }
 
-    /// Takes it.
+    /// Takes the next sample.
     pub fn measure(&mut self, state: &State) -> Vector3<f64> {
         let (own, other) = match self.which {
             imu::Sensor::Gyroscope | imu::Sensor::Reference(Quantity::Rate) => (state.rate, state.force),
@@ -69,7 +69,7 @@ impl Sensor {
         let bias = Vector3::from(self.triad.bias) * self.triad.fault.bias_left(seconds) + drift;
         let own = if self.triad.fault.gravity_removed { own - state.gravity } else { own };
         let cross = self.cross * other + self.square.component_mul(&other.component_mul(&other));
-        // A first-order Gauss–Markov process, whose standard deviation does not depend on its memory.
+        // First-order Gauss–Markov process, whose standard deviation does not depend on its memory.
         let fresh = self.triad.noise * (1.0 - self.memory * self.memory).sqrt();
         self.noise = self.noise * self.memory + normal(&mut self.random) * fresh;
         self.taken += 1;
@@ -80,7 +80,7 @@ impl Sensor {
         recorded
     }
 
-    /// The offset of the placement; on the way from one to the next it goes over smoothly.
+    /// Offset of the placement, which changes smoothly on the way from one to the next.
     fn offset(&self, state: &State) -> Vector3<f64> {
         let of = |pose: usize| self.offsets.get(pose).copied().unwrap_or_default();
         of(state.poses.0).lerp(&of(state.poses.1), state.progress)

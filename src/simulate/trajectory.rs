@@ -1,8 +1,8 @@
-//! Where the sensor is in its session at any instant: attitude, true angular rate, true specific force. What a sensor
-//! makes of that is left to `sensor`.
+//! Trajectory of the sensor in its session: attitude, true angular rate and true specific force at any instant. The
+//! readings are left to `sensor`.
 //!
 //! The time scaling of a motion is the minimum-jerk polynomial `s(u) = 10u³ − 15u⁴ + 6u⁵` (Flash and Hogan 1985), whose
-//! speed and acceleration vanish at both ends; whatever goes there and back follows the bump `b(u) = 64u³(1 − u)³`.
+//! speed and acceleration vanish at both ends. Movements there and back follow the bump `b(u) = 64u³(1 − u)³`.
 
 use std::f64::consts::TAU;
 
@@ -13,21 +13,21 @@ use rand_distr::StandardNormal;
 use super::pose::{Attitude, attitude, axis_angle, rotation};
 use super::{Motion, Scenario, Vibration};
 
-/// The Earth's rotation, in rad/s (IERS Conventions 2010, table 1.2).
+/// Rate of the Earth's rotation, in rad/s (IERS Conventions 2010, table 1.2).
 const EARTH_RATE: f64 = 7.292_115e-5;
 
-/// What there is to measure at one instant.
+/// True quantities at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     /// True specific force in the sensor's frame, in m/s².
     pub force: Vector3<f64>,
-    /// The part of it that is the reaction to gravity.
+    /// Part of the specific force that is the reaction to gravity, in m/s².
     pub gravity: Vector3<f64>,
     /// True angular rate in the sensor's frame, in rad/s.
     pub rate: Vector3<f64>,
-    /// The pose it comes from and the one it goes to, the same while it rests …
+    /// Previous and next pose; the same while it rests.
     pub poses: (usize, usize),
-    /// … and how far it is on the way, 0 to 1.
+    /// Progress from the first to the second, 0 to 1.
     pub progress: f64,
     /// Whether it stays in its pose.
     pub posed: bool,
@@ -37,7 +37,7 @@ pub(super) struct State {
 #[derive(Clone, Debug)]
 pub(super) struct Trajectory {
     gravity: f64,
-    /// The Earth's rotation in the world's frame (x points north), in rad/s.
+    /// Earth's rotation in the world's frame (x points north), in rad/s.
     earth: Vector3<f64>,
     vibration: Vec<Vibration>,
     spans: Vec<Span>,
@@ -45,7 +45,7 @@ pub(super) struct Trajectory {
 
 #[derive(Clone, Debug)]
 struct Span {
-    /// In nanoseconds since the start of the recording; `until` belongs to the next span.
+    /// Start and end in nanoseconds since the start of the recording; `until` belongs to the next span.
     from: i64,
     until: i64,
     kind: Kind,
@@ -57,33 +57,33 @@ enum Kind {
     Move(Box<Leg>),
 }
 
-/// In a pose, at rest or turning at a constant rate.
+/// Stay in a pose, at rest or turning at a constant rate.
 #[derive(Clone, Debug)]
 struct Stay {
     pose: usize,
     attitude: Attitude,
-    /// About an axis of the world, in rad/s.
+    /// Rotation about an axis of the world, with its rate in rad/s.
     turn: Option<(Unit<Vector3<f64>>, f64)>,
     duration_s: f64,
 }
 
-/// From one pose to the next.
+/// Motion from one pose to the next.
 #[derive(Clone, Debug)]
 struct Leg {
     poses: (usize, usize),
     attitude: Attitude,
-    /// The turn from attitude to attitude, about an axis of the sensor's frame.
+    /// Turn from attitude to attitude, about an axis of the sensor's frame, in radians.
     axis: Unit<Vector3<f64>>,
     angle: f64,
-    /// The detour on the way, after that turn.
+    /// Detour on the way, applied after the turn, in radians.
     detour_axis: Unit<Vector3<f64>>,
     detour: f64,
-    /// Displacements in the world, in metres: one for good, one there and back.
+    /// Displacements in the world, in metres: `carry` stays, `lift` goes there and back.
     carry: Vector3<f64>,
     lift: Vector3<f64>,
     shake: [[Sine; 3]; 3],
     duration_s: f64,
-    /// How much of it lies before the recording, in seconds.
+    /// Part of the motion before the start of the recording, in seconds.
     skipped_s: f64,
 }
 
@@ -95,8 +95,8 @@ struct Sine {
 }
 
 impl Trajectory {
-    /// The session of a valid scenario. Tilts and motions take their randomness from generators of their own, so that
-    /// one does not change with the other.
+    /// Trajectory of a valid scenario. Tilts and motions have separate random generators, so that one does not change
+    /// with the other.
     pub fn new(scenario: &Scenario, tilts: &mut impl Rng, motions: &mut impl Rng) -> Self {
         let motion = &scenario.motion;
         let mut spans = Spans::default();
@@ -136,7 +136,7 @@ impl Trajectory {
         }
     }
 
-    /// The rests: pose, first nanosecond and the one after the last, attitude. Turns are none.
+    /// Rests: pose, first nanosecond, the nanosecond after the last, attitude. Turns are not rests.
     pub fn rests(&self) -> impl Iterator<Item = (usize, i64, i64, Attitude)> {
         self.spans.iter().filter_map(|span| match &span.kind {
             Kind::Stay(stay) if stay.turn.is_none() => Some((stay.pose, span.from, span.until, stay.attitude)),
@@ -144,7 +144,7 @@ impl Trajectory {
         })
     }
 
-    /// What there is to measure so many nanoseconds after the start; nothing after the end.
+    /// True quantities at `nanos` nanoseconds after the start; `None` after the end.
     pub fn at(&self, nanos: i64) -> Option<State> {
         let span = self.spans.get(self.spans.partition_point(|span| span.until <= nanos))?;
         let seconds = (nanos - span.from) as f64 * 1e-9;
@@ -233,7 +233,7 @@ impl Leg {
         let (axis, angle) = axis_angle(&(from.inverse() * to));
         let heading = random.random_range(0.0..TAU);
         let (sin, cos) = libm::sincos(heading);
-        // Three sines a direction, with the root mean square that was asked for.
+        // Three sines per direction, with the requested root mean square.
         let amplitude = motion.shake * (2.0_f64 / 3.0).sqrt();
         let mut sine = || Sine {
             amplitude,
@@ -284,7 +284,7 @@ impl Sine {
 }
 
 impl Vibration {
-    /// Acceleration in the sensor's frame, in m/s².
+    /// Acceleration in the sensor's frame, in m/s², at `seconds` after the start.
     fn at(&self, seconds: f64) -> Vector3<f64> {
         if self.burst_s.is_some_and(|burst| seconds % (burst + self.pause_s) >= burst) {
             return Vector3::zeros();
@@ -298,13 +298,13 @@ fn minimum_jerk(u: f64) -> f64 {
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
-/// A rotation by a right angle, give or take, about any axis.
+/// Rotation by about a right angle (1 to 2 rad) about any axis.
 fn anywhere(random: &mut impl Rng) -> Attitude {
     let axis = any_axis(random);
     rotation(&axis, random.random_range(1.0..2.0))
 }
 
-/// A direction, all equally likely.
+/// Random direction, all equally likely.
 fn any_axis(random: &mut impl Rng) -> Unit<Vector3<f64>> {
     let mut axis = || random.sample::<f64, _>(StandardNormal);
     Unit::try_new(Vector3::new(axis(), axis(), axis()), 1e-9).unwrap_or_else(Vector3::x_axis)

@@ -1,4 +1,4 @@
-//! What is true of a simulated recording: parameters and rests. It is never part of the recording.
+//! True values of a simulated recording: parameters and rests. They are never part of the recording.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,33 +7,33 @@ use super::trajectory::Trajectory;
 use super::{Error, Scenario, Triad, samples};
 use crate::Stamp;
 
-/// The truth of a recording.
+/// True values of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// Magnitude of gravity, in m/s².
     pub gravity: f64,
     /// Seed of the randomness.
     pub seed: u64,
-    /// The primary accelerometer.
+    /// Primary accelerometer.
     pub accelerometer: TriadTruth,
-    /// The gyroscope, if there is one.
+    /// Gyroscope, if there is one.
     pub gyroscope: Option<TriadTruth>,
     /// Secondary accelerometers by name.
     pub secondary: Vec<TriadTruth>,
-    /// Every rest, in order of time.
+    /// All rests, in order of time.
     pub rests: Vec<Rest>,
 }
 
-/// The parameters of one sensor: `measured = bias + S · true`, in m/s² or rad/s.
+/// Parameters of one sensor: `measured = bias + S · true`, in m/s² or rad/s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriadTruth {
     /// `accelerometer`, `gyroscope`, or the name of the secondary.
     pub sensor: String,
     /// Topic of its messages.
     pub topic: String,
-    /// Reading without input, at the start of the recording.
+    /// Bias: reading without input, at the start of the recording.
     pub bias: [f64; 3],
-    /// Maps true to measured, row by row.
+    /// Sensitivity, the map from true to measured, row by row.
     pub sensitivity: [[f64; 3]; 3],
     /// Gyroscope: sensitivity to specific force, rows of rad/s per m/s².
     pub g_sensitivity: Option<[[f64; 3]; 3]>,
@@ -41,20 +41,20 @@ pub struct TriadTruth {
     pub g2_sensitivity: Option<[f64; 3]>,
     /// Accelerometer: sensitivity to angular rate, rows of m/s² per rad/s.
     pub rate_sensitivity: Option<[[f64; 3]; 3]>,
-    /// Standard deviation of the noise of one sample.
+    /// Standard deviation of the noise of one axis of one sample.
     pub noise: f64,
 }
 
 /// A span without motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rest {
-    /// Its pose in the scenario, from 0.
+    /// Index of its pose in the scenario, from 0.
     pub pose: usize,
-    /// Its first instant.
+    /// First instant.
     pub start: Stamp,
-    /// The first instant of the motion that ends it.
+    /// First instant of the motion that ends it.
     pub end: Stamp,
-    /// The nearest face of a cube.
+    /// Nearest face of a cube.
     pub face: String,
     /// Angle to that face, in degrees.
     pub tilt_deg: f64,
@@ -63,7 +63,7 @@ pub struct Rest {
 }
 
 impl Truth {
-    /// The truth of a scenario without its recording; [`record`](super::record) returns the same.
+    /// Truth of a scenario without its recording; [`record`](super::record) returns the same.
     ///
     /// # Errors
     /// If a value of the scenario cannot be simulated, with its key.
@@ -92,7 +92,7 @@ impl Truth {
 }
 
 impl TriadTruth {
-    /// `topic` holds where the sensor names none.
+    /// Truth of one sensor. `topic` is used if the sensor has none of its own.
     fn new(sensor: &str, topic: &str, triad: &Triad) -> Self {
         let sensitivity = triad.sensitivity.matrix();
         Self {

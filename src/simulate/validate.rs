@@ -1,12 +1,12 @@
-//! Whether a scenario can be simulated; each refusal names the key.
+//! Check that a scenario can be simulated. Each error names the key.
 
 use super::pose::attitude;
 use super::{Error, Pose, Scenario, Sensitivity, Triad, Vibration};
 
-/// The longest session, in seconds: some hundred days.
+/// Longest session, in seconds: about a hundred days.
 const LONGEST_S: f64 = 1e7;
 
-/// Whatever is larger would only overflow.
+/// Largest magnitude of a value; larger ones would only overflow.
 const LARGEST: f64 = 1e9;
 
 /// Refuses the first value that cannot be simulated.

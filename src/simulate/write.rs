@@ -1,4 +1,4 @@
-//! A session as an MCAP recording: whole chunks, never patched, so that it may be followed while it grows.
+//! Session as an MCAP recording: whole chunks, never patched, so that it can be followed while it grows.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -32,11 +32,11 @@ struct Recorder<'a, W: io::Write> {
     encoding: Encoding,
     frame_id: &'a str,
     imu: Topic,
-    /// The gyroscope's own, if it does not share the accelerometer's messages.
+    /// Topic of the gyroscope, if it does not share the accelerometer's messages.
     gyroscope: Option<Topic>,
     secondary: Vec<Topic>,
     reference: Option<Topic>,
-    /// The accelerometer's (or the reference's) reading, while the gyroscope's that goes into the same message is awaited.
+    /// Reading of the accelerometer (or the reference) that waits for the gyroscope's reading for the same message.
     awaiting: Option<Reading>,
     shared: bool,
     copies: u8,

@@ -1,5 +1,5 @@
-//! Messages of a vendor's own, in protobuf and JSON: `stamp`, `frame_id`, and the vectors `accel` and `gyro` of an IMU
-//! or `accel` of a secondary accelerometer.
+//! Messages of a fictitious vendor, in protobuf and JSON: `stamp`, `frame_id`, and the vectors `accel` and `gyro` of an
+//! IMU or `accel` of a secondary accelerometer.
 
 use nalgebra::Vector3;
 use prost::Message as _;
@@ -61,7 +61,7 @@ pub(super) fn json(header: Header<'_>, body: Body) -> Vec<u8> {
     serde_json::to_vec(&sample).unwrap_or_default()
 }
 
-/// The descriptor set of the message and of all that it depends on.
+/// Descriptor set of the message and of all its dependencies.
 pub(super) fn protobuf_schema(of: Type) -> Schema {
     let known = FileDescriptorSet::decode(DESCRIPTORS).unwrap_or_default();
     let mut file: Vec<_> = known.file.into_iter().filter(|file| file.name() == TIMESTAMP).collect();
@@ -96,7 +96,7 @@ pub(super) fn json_schema(of: Type) -> Schema {
 
 const TIMESTAMP: &str = "google/protobuf/timestamp.proto";
 
-/// What a vendor's `.proto` file would say.
+/// Descriptor of the vendor's `.proto` file.
 fn descriptor() -> FileDescriptorProto {
     let message = |name: &str, fields: Vec<FieldDescriptorProto>| DescriptorProto {
         name: Some(name.to_owned()),

@@ -66,7 +66,7 @@ pub(super) fn ros1_schema(of: Type) -> Schema {
     Schema { name, encoding: "ros1msg", data: definition.into_bytes() }
 }
 
-/// XCDR1, little endian: values are aligned to their size, counted after the four bytes of the encapsulation header.
+/// Encodes as XCDR1, little endian: values are aligned to their size, counted after the four-byte encapsulation header.
 pub(super) fn ros2(header: Header<'_>, body: Body) -> Vec<u8> {
     let mut out = vec![0, 1, 0, 0];
     time(&mut out, header);
@@ -76,7 +76,7 @@ pub(super) fn ros2(header: Header<'_>, body: Body) -> Vec<u8> {
     out
 }
 
-/// ROS 1 packs its values without gaps.
+/// Encodes for ROS 1, which packs its values without gaps.
 pub(super) fn ros1(header: Header<'_>, body: Body) -> Vec<u8> {
     let mut out = header.sequence.to_le_bytes().to_vec();
     time(&mut out, header);
@@ -87,7 +87,7 @@ pub(super) fn ros1(header: Header<'_>, body: Body) -> Vec<u8> {
 
 fn time(out: &mut Vec<u8>, header: Header<'_>) {
     let nanos = header.stamp.nanos();
-    // Stamps of scenarios lie before 2106, where both generations agree.
+    // Until 2038, the bytes are the same in both generations: signed seconds in ROS 2, unsigned in ROS 1.
     out.extend((nanos.div_euclid(1_000_000_000) as u32).to_le_bytes());
     out.extend((nanos.rem_euclid(1_000_000_000) as u32).to_le_bytes());
 }
@@ -98,7 +98,7 @@ fn string(out: &mut Vec<u8>, text: &str, end: &[u8]) {
     out.extend(end);
 }
 
-/// Everything after the header is made of doubles.
+/// Appends everything after the header, which is all doubles.
 fn doubles(out: &mut Vec<u8>, body: Body) {
     let mut push = |values: &[f64]| values.iter().for_each(|value| out.extend(value.to_le_bytes()));
     match body {
@@ -114,7 +114,8 @@ fn doubles(out: &mut Vec<u8>, body: Body) {
     }
 }
 
-/// ROS marks what is not measured by −1 in the first place; all zeros mean "unknown".
+/// Covariance matrix, row by row. ROS marks a quantity as not measured by −1 in the first element; all zeros mean
+/// "unknown".
 fn covariance(measured: bool) -> [f64; 9] {
     let mut covariance = [0.0; 9];
     if !measured {
