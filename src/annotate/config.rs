@@ -10,7 +10,7 @@ use super::Encoding;
 pub struct OutputConfig {
     /// Encoding of annotations.
     pub encoding: EncodingChoice,
-    /// Whether corrected messages are written.
+    /// Corrected messages to write.
     pub corrected: Corrected,
 }
 
@@ -38,11 +38,11 @@ impl EncodingChoice {
     }
 }
 
-/// Whether corrected messages are written: those of the source, with true values instead of the measured ones.
+/// Corrected messages to write: those of the source, with true values instead of the measured ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Corrected {
-    /// None are written.
+    /// None.
     #[default]
     Off,
     /// From the first calibration on, each by the one in force.

@@ -39,7 +39,7 @@ pub struct ImuConfig {
     pub secondary: Vec<SecondaryConfig>,
 }
 
-/// A reference beside an IMU, in the IMU's frame.
+/// Reference for an IMU, in the IMU's frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, DeserializeDerive)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceConfig {

@@ -54,7 +54,7 @@ pub enum News<'a> {
     Imu {
         /// Findings so far.
         findings: &'a Findings,
-        /// Whether it rests, and its noise floor.
+        /// State of rest, and noise floor.
         status: Status,
     },
     /// Damage in the recording.

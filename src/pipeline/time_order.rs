@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::Message;
 
-/// Distance behind another channel from which on a message is not merely late, ns of log time.
+/// Lag behind another channel beyond which a message is not merely late, ns of log time.
 const APART: u64 = 1_000_000_000;
 /// Number of such messages in a row, while the other channel is silent, that shows channels apart. A clock that was set
 /// back affects both channels.

@@ -6,7 +6,7 @@ use mcap::MAGIC;
 
 use super::wire::{DATA_END, FRAME, Fields, op};
 
-/// Length of a footer record and the magic behind it, in bytes.
+/// Length of a footer record and the magic after it, in bytes.
 pub const CLOSING: usize = FRAME + 20 + MAGIC.len();
 
 /// Content of a footer.

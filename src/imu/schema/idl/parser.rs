@@ -356,7 +356,7 @@ impl<'a> Parser<'_, 'a> {
 
     fn next(&mut self) -> Option<Token<'a>> {
         let (first, rest) = self.tokens.split_first()?;
-        // The last token stays known by its line, for what is missing behind it.
+        // Without a token left, a fault has line 0.
         self.tokens = rest;
         Some(*first)
     }
