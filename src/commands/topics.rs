@@ -45,6 +45,15 @@ fn machine(channels: &Channels) -> Value {
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
 }
 
+/// Topics that are shown whatever they are.
+const SHOWN: usize = 50;
+
+/// Whether there is nothing to say of a topic but that it is no IMU.
+fn is_dull(used: &Use) -> bool {
+    let plain = matches!(&used.verdict, ChannelRole::Other { vectors, suggestion: None } if vectors.is_empty());
+    plain && used.remarks.is_empty() && used.configuration.is_none()
+}
+
 /// A text of the recording, on one line.
 fn said(text: &str) -> String {
     printable(text).into_owned()
@@ -53,7 +62,12 @@ fn said(text: &str) -> String {
 fn people(channels: &Channels) -> String {
     let mut table = Table::default();
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
-    for used in &channels.channels {
+    let mut further = 0;
+    for (at, used) in channels.channels.iter().enumerate() {
+        if at >= SHOWN && is_dull(used) {
+            further += 1;
+            continue;
+        }
         let verdict = match used.verdict {
             ChannelRole::Used(_) | ChannelRole::Position => style(said(&used.verdict.to_string())).green(),
             ChannelRole::Skipped(_) => style(said(&used.verdict.to_string())).yellow(),
@@ -67,6 +81,9 @@ fn people(channels: &Channels) -> String {
         for remark in &used.remarks {
             table.heading(format!("    {}", style(said(remark)).yellow()));
         }
+    }
+    if further > 0 {
+        table.heading(format!("and {further} more that are no IMUs; --json lists them all"));
     }
     let term = Term::stdout();
     // Piped output is cut and searched line by line.

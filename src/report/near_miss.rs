@@ -64,6 +64,11 @@ impl NearMisses {
         let mut lowest: Vec<_> = self.all.iter().map(|miss| miss.lowest).collect();
         lowest.sort_by(f64::total_cmp);
         let middle = lowest.get(lowest.len() / 2)?;
+        if self.all.iter().all(|miss| *middle < miss.enter) {
+            return Some(
+                "hold it still for two seconds or more: it was quiet enough, but not for long enough".to_owned(),
+            );
+        }
         let enter = (middle * 2.0).floor() / 2.0 + 0.5;
         Some(format!(
             "hold it against something firm, or set it down; if it vibrates by nature, --set still.enter={enter} \
@@ -98,6 +103,8 @@ mod tests {
         let expected = NearMiss { start: second, end: 2 * second, lowest: 3.6, enter: 3.0 };
         assert_eq!(found.iter().copied().collect::<Vec<_>>(), [expected]);
         assert!(found.advice().unwrap().contains("still.enter=4 --set still.leave=6"));
+        let short = misses(&[(Moving, 90.0), (Moving, 4.1), (Moving, 2.9), (Moving, 90.0)]);
+        assert!(short.advice().unwrap().contains("not for long enough"), "{:?}", short.advice());
         for other in [
             &[(Moving, 90.0), (Moving, 4.1), (Still, 1.0), (Moving, 90.0)][..],
             &[(Moving, 90.0), (Moving, 5.5), (Moving, 90.0)],

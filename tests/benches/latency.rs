@@ -35,13 +35,19 @@ fn main() {
     let session = session(chunks);
     let (written, done) = (Mutex::new(BTreeMap::new()), AtomicBool::new(false));
     let mut tail = start(folder.path());
-    let seen = std::thread::scope(|scope| {
-        let observer = scope.spawn(|| observe(&sidecar, &done));
+    let seen = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        scope.spawn(|| observe(&sidecar, &seen, &done));
         write(&recording, &session, chunks, &written);
+        // A disk that is busy with what others wrote may hold a tail up for seconds.
+        let written = Instant::now();
+        while seen.lock().unwrap().len() * 2 <= chunks && written.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
         idle(&tail, Duration::from_secs_f64(if benchmark { 10.0 } else { 1.0 }));
         done.store(true, Ordering::Relaxed);
-        observer.join().unwrap()
     });
+    let seen = seen.into_inner().unwrap();
     tail.kill().unwrap();
     tail.wait().unwrap();
 
@@ -117,8 +123,8 @@ fn write(path: &Path, session: &[u8], chunks: usize, written: &Mutex<BTreeMap<u6
 }
 
 /// Reads the sidecar as it grows: the log time of each segment and calibration, and when it could be read.
-fn observe(sidecar: &Path, done: &AtomicBool) -> Vec<(u64, Instant)> {
-    let (mut scan, mut seen, mut wanted) = (Scan::new(), Vec::new(), Vec::new());
+fn observe(sidecar: &Path, seen: &Mutex<Vec<(u64, Instant)>>, done: &AtomicBool) {
+    let (mut scan, mut wanted) = (Scan::new(), Vec::new());
     let mut file = None;
     while !done.load(Ordering::Relaxed) {
         let Some(file) = file.as_ref() else {
@@ -138,7 +144,7 @@ fn observe(sidecar: &Path, done: &AtomicBool) -> Vec<(u64, Instant)> {
                     wanted.push(channel.id);
                 }
                 Ok(Event::Message(message)) if wanted.contains(&message.channel) => {
-                    seen.push((message.log_time, Instant::now()));
+                    seen.lock().unwrap().push((message.log_time, Instant::now()));
                 }
                 Ok(Event::Wait | Event::End) | Err(_) => break,
                 Ok(_) => {}
@@ -146,7 +152,6 @@ fn observe(sidecar: &Path, done: &AtomicBool) -> Vec<(u64, Instant)> {
         }
         std::thread::sleep(Duration::from_micros(200));
     }
-    seen
 }
 
 /// What a tail costs that has nothing to do.

@@ -188,3 +188,29 @@ fn a_secondary_accelerometer_may_have_a_clock_and_a_rate_of_its_own() {
         assert!((b - bias).abs() < 0.02 && (s - scale).abs() < 0.002, "{found}");
     }
 }
+
+#[test]
+fn thousands_of_other_topics_are_counted_and_an_imu_behind_them_is_shown() {
+    let folder = Folder::new();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut bytes).unwrap();
+    let text = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data").unwrap();
+    for i in 0..4000 {
+        writer.add_channel(text, &format!("/chatter/{i:04}"), "cdr", &BTreeMap::new()).unwrap();
+    }
+    let imu = writer.add_channel(0, "/imu", "json", &BTreeMap::new()).unwrap();
+    for i in 0..300 {
+        let log_time = 1_000_000_000 + u64::from(i) * 10_000_000;
+        let header = mcap::records::MessageHeader { channel_id: imu, sequence: i, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, sample(i, 9.81, 1.0).to_string().as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    folder.write("raw.mcap", &bytes.into_inner());
+    let shown = folder.say("topics raw.mcap").ok().stdout;
+    assert!(shown.lines().count() < 150, "{} lines", shown.lines().count());
+    for said in ["/chatter/0000", "and 3950 more that are no IMUs", "topic = \"/imu\""] {
+        assert!(shown.contains(said), "{said}: {shown}");
+    }
+    assert_eq!(folder.say("topics raw.mcap --json").ok().json()["topics"].as_array().unwrap().len(), 4001);
+}

@@ -145,7 +145,8 @@ impl Checkpoint {
             return Ok(());
         }
         let bytes = encode(owner, None).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
-        replace(&self.path, &bytes)
+        // Not synced: on a busy disk that takes seconds, and all that a power cut could lose is the mark.
+        replace(&self.path, &bytes, false)
     }
 
     /// Whether the next save is due.
@@ -175,7 +176,7 @@ impl Checkpoint {
         let save = move || {
             written.sync_data().map_err(Error::io("write", &beside))?;
             indexes.map_or(Ok(()), |indexes| indexes.sync_data()).map_err(Error::io("write", &beside))?;
-            replace(&path, &bytes)
+            replace(&path, &bytes, true)
         };
         // Without a thread, the next save comes in time.
         self.saving = std::thread::Builder::new().spawn(save).ok();
@@ -245,9 +246,9 @@ fn decode(bytes: &[u8], owner: &Owner) -> Loaded {
     }
 }
 
-/// Writes bytes under a name and syncs them, or leaves the old file.
-fn replace(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+/// Writes bytes under a name, synced if asked for, or leaves the old file.
+fn replace(path: &Path, bytes: &[u8], sync: bool) -> Result<(), Error> {
     let partial = Partial::create(path, &Reads::default())?;
     partial.file().write_all(bytes).map_err(Error::io("write", path))?;
-    partial.finish(true)
+    partial.finish(sync)
 }

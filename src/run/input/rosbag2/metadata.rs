@@ -44,7 +44,8 @@ impl Metadata {
         }
         let said = |key: &str| info.get(key).and_then(Value::as_str).unwrap_or_default();
         let storage = said("storage_identifier");
-        if storage != "mcap" {
+        // A recorder that is stopped early may leave it empty: the names of the files say it, too.
+        if !storage.is_empty() && storage != "mcap" {
             return Err(format!("its storage is `{storage}`, not mcap; convert it with `ros2 bag convert`"));
         }
         let how = match said("compression_mode").to_ascii_uppercase().as_str() {
@@ -63,6 +64,11 @@ impl Metadata {
         let files = files
             .filter(|files| !files.is_empty())
             .ok_or_else(|| unknown("its `relative_file_paths` name no files"))?;
+        if let Some(other) = files.iter().find(|file| storage.is_empty() && !file.ends_with(".mcap")) {
+            return Err(format!(
+                "its metadata.yaml names no storage, and `{other}` is no .mcap file; convert it with `ros2 bag convert`"
+            ));
+        }
         Ok(Self { text, info, files })
     }
 
@@ -215,6 +221,19 @@ rosbag2_bagfile_information:
     shift: \"yes\"
   from_the_future: [1, two]
 ";
+
+    #[test]
+    fn a_storage_that_is_not_named_is_told_from_the_names_of_the_files() {
+        let named = |storage: &str, file: &str| {
+            let info = format!("{{storage_identifier: {storage}, relative_file_paths: [{file}]}}");
+            Metadata::parse(format!("{ROOT}: {info}")).map(|metadata| metadata.files)
+        };
+        for empty in ["", "\"\"", "null"] {
+            assert_eq!(named(empty, "a.mcap"), Ok(vec!["a.mcap".to_owned()]), "{empty:?}");
+            assert!(named(empty, "a.db3").unwrap_err().contains("`a.db3` is no .mcap"), "{empty:?}");
+        }
+        assert!(named("sqlite3", "a.db3").unwrap_err().contains("`sqlite3`"));
+    }
 
     #[test]
     fn what_is_not_ours_survives_and_annotations_are_listed() {
