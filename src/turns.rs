@@ -22,4 +22,3 @@ pub use piece::{Candidate, Piece};
 pub use prediction::{Ends, Followed, Motion, Prediction, follow, motion, predict};
 pub use preintegrator::{Limit, Preintegrator, Stretch};
 pub use reading::{AxisOrder, RateScale};
-pub use rotation::{exp, right_jacobian};

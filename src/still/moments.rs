@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
     count: u64,
+    /// Share of one vector in the mean: one division serves everything that is averaged beside it.
+    share: f64,
     mean: Vector3<f64>,
     /// Scatter matrix Σ (x − mean)(x − mean)ᵀ.
     scatter: Matrix3<f64>,
@@ -16,14 +18,20 @@ impl Moments {
     /// Adds one vector (Welford 1962).
     pub fn push(&mut self, value: &Vector3<f64>) {
         self.count += 1;
+        self.share = 1.0 / self.count as f64;
         let before = value - self.mean;
-        self.mean += before / self.count as f64;
+        self.mean += before * self.share;
         self.scatter += before * (value - self.mean).transpose();
     }
 
     /// Number of vectors.
     pub fn count(&self) -> u64 {
         self.count
+    }
+
+    /// Reciprocal of the number of vectors, zero if there are none.
+    pub fn share(&self) -> f64 {
+        self.share
     }
 
     /// Mean of the vectors, zero if there are none.

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 /// Estimator of the deviation √(Σ variance of the axes) of a triad at rest.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct NoiseFloor {
-    /// Degrees of freedom of one window's deviation: three axes, n − 1 each.
-    freedom: f64,
+    /// Low quantile of the deviation of a window of white noise of unit deviation.
+    white_quantile: f64,
     /// Number of windows with a deviation in each bin.
     bins: Vec<u32>,
     windows: u64,
@@ -52,7 +52,7 @@ impl NoiseFloor {
     /// Creates a floor for windows of `window` samples, of a triad whose level at rest is at most `ceiling`.
     pub(super) fn new(window: usize, ceiling: f64) -> Self {
         Self {
-            freedom: 3.0 * (window.max(2) - 1) as f64,
+            white_quantile: white_quantile(3.0 * (window.max(2) - 1) as f64),
             bins: vec![0; BINS],
             windows: 0,
             constant: 0,
@@ -132,15 +132,16 @@ impl NoiseFloor {
             seen += f64::from(**count);
             seen >= rank
         });
-        found.map(|(bin, _)| centre(bin) / self.white_quantile())
+        found.map(|(bin, _)| centre(bin) / self.white_quantile)
     }
+}
 
-    /// The 2 % quantile of the deviation of white noise of unit deviation: χ by Wilson and Hilferty (1931).
-    fn white_quantile(&self) -> f64 {
-        let v = 2.0 / (9.0 * self.freedom);
-        let cube_root = 1.0 - v + QUANTILE_NORMAL * v.sqrt();
-        libm::pow(cube_root, 1.5)
-    }
+/// The 2 % quantile of the deviation of white noise of unit deviation, with so many degrees of freedom (three axes,
+/// n − 1 each): χ by Wilson and Hilferty (1931).
+fn white_quantile(freedom: f64) -> f64 {
+    let v = 2.0 / (9.0 * freedom);
+    let cube_root = 1.0 - v + QUANTILE_NORMAL * v.sqrt();
+    libm::pow(cube_root, 1.5)
 }
 
 /// Bin of a positive deviation: exponent and leading bits of the mantissa, a logarithm without computing one.

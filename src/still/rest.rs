@@ -161,7 +161,7 @@ impl Sums {
         self.all.push(value);
         let time = stamp.seconds_since(self.start);
         let before = time - self.time_mean;
-        self.time_mean += before / self.all.count() as f64;
+        self.time_mean += before * self.all.share();
         self.time_squares += before * (time - self.time_mean);
         self.time_products += (value - self.all.mean()) * before;
         let first = self.bounds.map_or(stamp, |(first, _)| first);

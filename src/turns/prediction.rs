@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 use super::piece::{Candidate, Piece};
-use super::rotation::{exp, exp_and_right_jacobian};
+use super::rotation::{exp_and_right_jacobian, seen_after};
 
 /// Rests at both ends of a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +84,7 @@ fn add_by_inverse(sum: &mut SMatrix<f64, 3, 9>, push: &Matrix3<f64>, piece: &Pie
 pub fn furthest<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> f64 {
     let (start, mut up, mut least) = (ends.up[0], ends.up[0], 1.0_f64);
     for turn in rotations(pieces, candidate, ends) {
-        up = exp(&turn).tr_mul(&up);
+        up = seen_after(&turn, &up);
         least = least.min(start.dot(&up));
     }
     libm::acos(least.clamp(-1.0, 1.0))
@@ -107,7 +107,7 @@ pub fn follow<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &C
         let share = (since + piece.seconds / 2.0) / total;
         since += piece.seconds;
         let bias = ends.rate[0] * (1.0 - share) + ends.rate[1] * share;
-        let next = exp(&piece.without(&bias).rotation(candidate)).tr_mul(&up);
+        let next = seen_after(&piece.without(&bias).rotation(candidate), &up);
         sum += (up + next) * (piece.seconds / 2.0);
         up = next;
     }
@@ -132,7 +132,7 @@ pub fn motion<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &C
     for turn in rotations(pieces, candidate, ends) {
         // The component of gravity along the axis of rotation stays the same.
         vertical += turn.dot(&up);
-        up = exp(&turn).tr_mul(&up);
+        up = seen_after(&turn, &up);
         attitude *= UnitQuaternion::from_scaled_axis(turn);
     }
     let (axis, angle) = attitude.axis_angle().unwrap_or((Vector3::x_axis(), 0.0));

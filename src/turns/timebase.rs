@@ -45,19 +45,20 @@ impl Timebase {
         // Deviation of the stamp from the line, one sample on.
         let mut error = interval - late - self.period;
         let mut steps = 1.0;
-        let slip = libm::rint(error / self.period);
-        if slip != 0.0 && error.abs() > 3.3 * self.jitter.sqrt() {
+        if 2.0 * error.abs() > self.period && error * error > 3.3 * 3.3 * self.jitter {
             // Samples were lost, or a late stamp looked like that.
-            steps = (steps + slip).max(0.0);
+            steps = (steps + libm::rint(error / self.period)).max(0.0);
             error -= (steps - 1.0) * self.period;
         }
         // Repeated deviations to one side mean another line.
         let lasting = self.wander > 0.3 * self.jitter;
         self.memory = if lasting { (0.95 * self.memory).max(2.0) } else { (self.memory + 1.0).min(LONGEST) };
         let n = self.memory;
-        let (level, slope) = (2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0)));
+        let part = 2.0 / (n * (n + 1.0));
+        let (level, slope) = ((2.0 * n - 1.0) * part, 3.0 * part);
         let advance = steps * self.period + level * error;
-        self.period = (self.period + slope * error / steps.max(1.0)).max(1.0);
+        let change = if steps > 1.0 { slope * error / steps } else { slope * error };
+        self.period = (self.period + change).max(1.0);
         let share = 1.0 / n.min(64.0);
         self.jitter += (error * error - self.jitter) * share;
         self.wander += (error * self.error - self.wander) * share;

@@ -1,0 +1,309 @@
+//! Solution of the equations of the turns, with weights under which χ² equals its degrees of freedom.
+
+use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+
+use super::equations::{DATASHEET, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
+use super::g_sensitivity::GSensitivity;
+use super::information::{OffDiagonals, Told};
+use super::session::TurnSession;
+use super::too_little::{PRECISE, TooLittle};
+use super::turn_estimate::TurnEstimate;
+use crate::fit::placement_scatter::stretch;
+use crate::fit::student_t::{NORMAL_95, student_95};
+
+/// Indices of the accelerometer's entries below the diagonal among the unknowns.
+const OFF: [usize; 3] = [13, 15, 16];
+
+const LEAST_FREEDOM: f64 = 7.0;
+
+/// Largest condition numbers: of the gyroscope's entries alone, and together with the accelerometer's.
+const CONDITIONED: [f64; 2] = [50.0, 100.0];
+
+/// Weighted residual of a turn and its derivatives.
+type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
+
+/// Size of the errors.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    /// Share of the assumed variance that counts.
+    share: f64,
+    /// Variance added to every equation, rad².
+    added: f64,
+}
+
+const AS_ASSUMED: Level = Level { share: 1.0, added: 0.0 };
+
+/// Solution of the equations at some weights.
+struct SolvedTurns {
+    step: TurnRow,
+    covariance: Square,
+    squares: f64,
+    freedom: f64,
+}
+
+/// Fit of a subset of the turns.
+pub(super) struct TurnSolution<'a> {
+    given: &'a Given,
+    at: TurnRow,
+    kept: Vec<bool>,
+    equations: Vec<Equations>,
+    level: Level,
+}
+
+impl<'a> TurnSolution<'a> {
+    pub(super) fn of(
+        session: &TurnSession,
+        given: &'a Given,
+        by_up: Matrix3<f64>,
+        kept: &[bool],
+    ) -> Result<Self, TooLittle> {
+        const ROUNDS: usize = 3;
+        /// Largest last step of an entry: what it leaves is of second order, and far below the precision of any recording.
+        const NEAR: f64 = 3e-4;
+        let mut at = TurnRow::zeros();
+        at.fixed_rows_mut::<9>(9).copy_from(&given.mean);
+        let mut found = Self { given, at, kept: kept.to_vec(), equations: Vec::new(), level: AS_ASSUMED };
+        for round in 0..ROUNDS {
+            found.equations = linearise(session, given, by_up, &found.at);
+            if round == 1 {
+                // By now the residuals do not come from the linearisation.
+                found.level = found.find_level().ok_or(TooLittle::Unsolved)?;
+            }
+            let solved = found.solve(found.level, None).ok_or(TooLittle::Unsolved)?;
+            found.at += solved.step;
+            for equations in &mut found.equations {
+                equations.residual += equations.by * solved.step;
+            }
+            if round > 0 && solved.step.amax() < NEAR {
+                break;
+            }
+        }
+        found.at.iter().all(|x| x.is_finite()).then_some(found).ok_or(TooLittle::Unsolved)
+    }
+
+    /// Finds the weights at which χ² equals its degrees of freedom.
+    fn find_level(&self) -> Option<Level> {
+        const STEPS: usize = 12;
+        /// Tolerance of a logarithm: such an error of the weights changes no digit that is shown.
+        const NEAR: f64 = 1e-3;
+        let over = |level: Level| {
+            self.solve(level, None)
+                .map(|solved| libm::log(solved.squares.max(f64::MIN_POSITIVE) / solved.freedom.max(1e-3)))
+        };
+        let scaled = |log: f64| Level { share: libm::exp(log), added: 0.0 };
+        let added = |log: f64| Level { share: 1.0, added: libm::exp(2.0 * log) };
+        // Brackets: an added error of 0.01 mrad to more than any real one, or a share of almost none to all of the
+        // assumed one.
+        let as_assumed = over(AS_ASSUMED)?;
+        let (of, mut low, mut high): (&dyn Fn(f64) -> Level, f64, f64) = match as_assumed > 0.0 {
+            true => (&added, libm::log(1e-5), libm::log(0.3)),
+            false => (&scaled, libm::log(1e-3), 0.0),
+        };
+        // Regula falsi, in its Illinois variant (Dowell & Jarratt, BIT 1971): the logarithms are nearly linear.
+        let (mut above, mut below) = (over(of(low))?, if as_assumed > 0.0 { over(of(high))? } else { as_assumed });
+        let mut middle = if above > 0.0 { high } else { low };
+        let mut side = 0;
+        for _ in 0..STEPS {
+            if above <= 0.0 || below >= 0.0 || high - low < NEAR {
+                break;
+            }
+            middle = (low * below - high * above) / (below - above);
+            let at = over(of(middle))?;
+            if at.abs() < NEAR {
+                break;
+            }
+            if at > 0.0 {
+                (low, above) = (middle, at);
+                below = if side == 1 { below / 2.0 } else { below };
+                side = 1;
+            } else {
+                (high, below) = (middle, at);
+                above = if side == -1 { above / 2.0 } else { above };
+                side = -1;
+            }
+        }
+        Some(of(middle))
+    }
+
+    /// Residuals and their derivatives, turn by turn, weighted so that their errors are independent and of unit
+    /// variance. Errors are shared only with the turn before, so the factor of their covariance is block bidiagonal.
+    fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
+        let mut white: Vec<Whitened> = Vec::with_capacity(self.equations.len());
+        let mut before: Option<(usize, Matrix2<f64>)> = None;
+        for (k, equations) in self.equations.iter().enumerate() {
+            if !self.kept.get(k).copied().unwrap_or(false) || without == Some(k) {
+                continue;
+            }
+            let at = |parts: &[Matrix2<f64>; 2]| parts[0] + parts[1] * level.share;
+            let mut own = at(&equations.noise) + Matrix2::identity() * level.added;
+            let (mut residual, mut by) = (equations.residual, equations.by);
+            if let (Some((_, triangle)), Some((last, derivative))) =
+                (before.filter(|(earlier, _)| earlier + 1 == k), white.last())
+            {
+                // Subdiagonal block of the factor: L₂₁ = B L₁⁻ᵀ.
+                let shared = triangle.solve_lower_triangular(&at(&equations.shared).transpose())?.transpose();
+                own -= shared * shared.transpose();
+                residual -= shared * last;
+                by -= shared * derivative;
+            }
+            let triangle = own.cholesky()?.l();
+            white.push((triangle.solve_lower_triangular(&residual)?, triangle.solve_lower_triangular(&by)?));
+            before = Some((k, triangle));
+        }
+        Some(white)
+    }
+
+    fn solve(&self, level: Level, without: Option<usize>) -> Option<SolvedTurns> {
+        let white = self.whitened(level, without)?;
+        let mut information = Square::zeros();
+        let mut moment = TurnRow::zeros();
+        for (residual, by) in &white {
+            for (row, residual) in by.row_iter().zip(residual.iter()) {
+                let row = row.transpose();
+                for (mut column, factor) in information.column_iter_mut().zip(row.iter()) {
+                    column.axpy(*factor, &row, 1.0);
+                }
+                moment.axpy(*residual, &row, 1.0);
+            }
+        }
+        let mut start = TurnRow::zeros();
+        start.fixed_rows_mut::<9>(9).copy_from(&self.given.mean);
+        let factor = (information + self.given.prior).cholesky()?;
+        let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
+        let covariance = factor.inverse();
+        let squares = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
+        // Degrees of freedom that the data determine, not the prior: tr(P I) = n − tr(P Λ).
+        let known = UNKNOWNS as f64 - covariance.dot(&self.given.prior);
+        Some(SolvedTurns { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
+    }
+
+    /// Finds the turn without which the others agree, if it deviates beyond chance.
+    pub(super) fn contradicting(&self) -> Option<usize> {
+        /// Least excess of the squares of one turn over those of the others, each over its degrees of freedom.
+        const BEYOND: f64 = 12.0;
+        /// Number of most deviating turns that are tried.
+        const TRIED: usize = 3;
+        let all = self.solve(AS_ASSUMED, None)?;
+        if all.squares < 1.5 * all.freedom {
+            return None;
+        }
+        let white = self.whitened(AS_ASSUMED, None)?;
+        let kept = (0..self.equations.len()).filter(|k| self.kept[*k]);
+        let size = |(residual, by): &Whitened| (residual + by * all.step).norm_squared();
+        let mut largest: Vec<_> = kept.zip(&white).map(|(k, white)| (k, size(white))).collect();
+        largest.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+        let without = |&(k, _): &(usize, f64)| {
+            let others = self.solve(AS_ASSUMED, Some(k))?;
+            let left = others.squares / others.freedom.max(1.0);
+            Some((k, (all.squares - others.squares) / 2.0 / left.max(1.0)))
+        };
+        let worst = largest.iter().take(TRIED).filter_map(without).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        (worst.1 > BEYOND).then_some(worst.0)
+    }
+
+    pub(super) fn summarise(
+        &self,
+        kept: &[bool],
+        left_out: Option<usize>,
+        g_sensitivity: Option<GSensitivity>,
+    ) -> Result<TurnEstimate, TooLittle> {
+        let solved = self.solve(self.level, None).ok_or(TooLittle::Unsolved)?;
+        let used = kept.iter().filter(|kept| **kept).count();
+        if solved.freedom < LEAST_FREEDOM {
+            return Err(TooLittle::Unchecked { turns: used });
+        }
+        let condition = self.condition(&solved).ok_or(TooLittle::Unsolved)?;
+        let limit = CONDITIONED[usize::from(!self.given.triangular)];
+        if condition > limit {
+            return Err(TooLittle::Undistinguished(condition));
+        }
+        let sensitivity = inverse_of(&self.at).try_inverse().ok_or(TooLittle::Unsolved)?;
+        let stretch = (student_95(solved.freedom) / NORMAL_95).powi(2);
+        let covariance = of_sensitivity(&sensitivity, &solved.covariance) * stretch;
+        let half_widths = covariance.diagonal().map(|variance| NORMAL_95 * variance.max(0.0).sqrt());
+        let widest = half_widths.imax();
+        if half_widths[widest] > PRECISE {
+            return Err(TooLittle::Imprecise { entry: ENTRIES[widest], half_width: half_widths[widest] });
+        }
+        let off = |i: usize, j: usize| solved.covariance[(OFF[i], OFF[j])] * stretch;
+        let first = self.solve(AS_ASSUMED, None).ok_or(TooLittle::Unsolved)?;
+        Ok(TurnEstimate {
+            sensitivity,
+            covariance,
+            off_diagonals: OffDiagonals {
+                value: Vector3::from_fn(|i, _| self.at[OFF[i]]),
+                covariance: Matrix3::from_fn(off),
+            },
+            accelerometer: self.at.fixed_rows::<9>(9).into_owned(),
+            told: self.told(&solved).ok_or(TooLittle::Unsolved)?,
+            g_sensitivity,
+            residuals: self.equations.iter().map(|equations| equations.residual.norm()).collect(),
+            left_out,
+            used,
+            chi2_per_dof: first.squares / first.freedom.max(1.0),
+            freedom: solved.freedom,
+            added: self.level.added.sqrt(),
+            condition,
+            redundant: left_out.is_none() && self.is_redundant(&solved, &sensitivity, &half_widths),
+        })
+    }
+
+    /// Information from the turns alone about the accelerometer: that of the joint fit less that of its rests.
+    fn told(&self, solved: &SolvedTurns) -> Option<Told> {
+        /// Errors common to all turns, such as those of fast motion and of jitter in the stamps, do not show in χ²: in
+        /// simulations the errors were up to twice as large as the turns alone indicate.
+        const SHARED: f64 = 2.0;
+        let stretch = (SHARED * stretch(solved.freedom)).powi(2);
+        let all = solved.covariance.fixed_view::<9, 9>(9, 9).try_inverse()?;
+        let rests = self.given.prior.fixed_view::<9, 9>(9, 9);
+        let moment = all * self.at.fixed_rows::<9>(9) - rests * self.given.mean;
+        Some(Told { information: (all - rests) / stretch, moment: moment / stretch })
+    }
+
+    /// Condition number of the information from the turns alone on the gyroscope, and on the accelerometer's entries
+    /// below the diagonal if these are not known otherwise.
+    fn condition(&self, solved: &SolvedTurns) -> Option<f64> {
+        let wanted: Vec<usize> = (0..9).chain(OFF.into_iter().filter(|_| !self.given.triangular)).collect();
+        let marginal = DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| solved.covariance[(wanted[i], wanted[j])]);
+        let mut information = marginal.try_inverse()?;
+        (0..wanted.len()).for_each(|i| information[(i, i)] -= 1.0 / DATASHEET.powi(2));
+        let scale = information.diagonal().map(|entry| 1.0 / entry.max(f64::MIN_POSITIVE).sqrt());
+        let scaled = DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| information[(i, j)] * scale[i] * scale[j]);
+        let eigen = scaled.symmetric_eigenvalues();
+        Some((eigen.max() / eigen.min().max(1e-12)).min(1e12))
+    }
+
+    /// Whether the fit without any one turn gives the same result, with the required precision. Turns are removed by
+    /// the deletion formula (Cook and Weisberg, "Residuals and influence in regression", 1982).
+    fn is_redundant(&self, solved: &SolvedTurns, sensitivity: &Matrix3<f64>, half_widths: &SVector<f64, 9>) -> bool {
+        let Some(white) = self.whitened(self.level, None) else { return false };
+        let by_inverse = by_inverse(sensitivity);
+        let variances = of_sensitivity(sensitivity, &solved.covariance).diagonal();
+        white.iter().all(|(residual, by)| {
+            let gain = solved.covariance * by.transpose();
+            let left = residual + by * solved.step;
+            let Some(inverse) = (Matrix2::identity() - by * gain).try_inverse() else { return false };
+            let moved = gain * inverse * left;
+            let widened = by_inverse * gain.fixed_rows::<9>(0);
+            let more = (widened * inverse).component_mul(&widened).column_sum();
+            let precise =
+                (variances + more).iter().all(|variance| NORMAL_95 * variance.max(0.0).sqrt() <= 2.0 * PRECISE);
+            precise && moved.iter().zip(half_widths).all(|(moved, half)| moved.abs() <= 1.5 * half)
+        })
+    }
+}
+
+/// Names of the entries of S, row by row.
+const ENTRIES: [&str; 9] =
+    ["the x scale", "x by y", "x by z", "y by x", "the y scale", "y by z", "z by x", "z by y", "the z scale"];
+
+/// Derivatives of the entries of S with respect to those of C, row by row: δS = −S δC S.
+fn by_inverse(sensitivity: &Matrix3<f64>) -> SMatrix<f64, 9, 9> {
+    SMatrix::from_fn(|entry, k| -sensitivity[(entry / 3, k / 3)] * sensitivity[(k % 3, entry % 3)])
+}
+
+/// Covariance of S from that of C.
+fn of_sensitivity(sensitivity: &Matrix3<f64>, covariance: &Square) -> SMatrix<f64, 9, 9> {
+    let by = by_inverse(sensitivity);
+    by * covariance.fixed_view::<9, 9>(0, 0) * by.transpose()
+}

@@ -1,0 +1,51 @@
+//! Reasons why turns do not determine a sensitivity.
+
+/// Fewest turns of a fit.
+pub(super) const LEAST_TURNS: usize = 8;
+
+/// Largest accepted half-width of a 95 % interval.
+pub(super) const PRECISE: f64 = 0.005;
+
+/// Reason why turns do not determine the sensitivity.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TooLittle {
+    /// Too few turns between accepted rests.
+    #[error(
+        "{turned} turns by 30° or more between accepted rests, {LEAST_TURNS} are needed: turn it from face to face"
+    )]
+    Few {
+        /// Turns that rotate gravity by 30° or more.
+        turned: usize,
+    },
+    /// Turns whose residuals have too few degrees of freedom.
+    #[error("{turns} turns do not check each other yet: turn it on from face to face, about all axes")]
+    Unchecked {
+        /// Turns in the fit.
+        turns: usize,
+    },
+    /// Rotations about the vertical, which do not turn gravity.
+    #[error(
+        "the turns are about the vertical ({turned} of {all} tilt it by 30° or more), and such turns show no scale: turn the sensor \
+         over, or declare what the rotations were"
+    )]
+    AboutVertical {
+        /// Turns that tilt the sensor by 30° or more.
+        turned: usize,
+        /// All turns.
+        all: usize,
+    },
+    /// Entry that is not precise enough.
+    #[error("the turns tell {entry} to ±{:.2} %, and ±{:.1} % would do: more turns, about all axes", 100.0 * half_width, 100.0 * PRECISE)]
+    Imprecise {
+        /// Entry in words.
+        entry: &'static str,
+        /// Half-width of its 95 % interval.
+        half_width: f64,
+    },
+    /// Condition number that is too large.
+    #[error("the turns do not tell the axes apart (condition number {0:.0}): turn it about the others, too")]
+    Undistinguished(f64),
+    /// Equations without a solution.
+    #[error("the turns contradict the rests")]
+    Unsolved,
+}
