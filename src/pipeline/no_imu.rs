@@ -10,9 +10,13 @@ use crate::imu::{ChannelRole, ImuConfig, Suggestion};
 /// Largest number of topics listed.
 const LISTED: usize = 8;
 
-/// Error with the existing topics, the reasons why they are not used, and how to map one, or the configured topics that
-/// are missing.
+/// Error of a recording in which nothing is used.
 pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Error {
+    Error::unfit(path, why_no_imu(sources, obstacles))
+}
+
+/// The existing topics, the reasons why they are not used, and how to map one, or the configured topics that are missing.
+pub(crate) fn why_no_imu(sources: &Sources, obstacles: &[String]) -> String {
     let topic = |(entry, verdict): (&Entry, &ChannelRole)| {
         let Entry { channel, .. } = entry;
         let kind = if entry.schema_name().is_empty() { &channel.message_encoding } else { entry.schema_name() };
@@ -27,34 +31,28 @@ pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Er
     topics.truncate(LISTED);
     let listed = match (topics.as_slice(), further) {
         ([], _) if obstacles.is_empty() => {
-            return Error::unfit(path, "no usable IMU topic: the recording has no topics at all");
+            return "no usable IMU topic: the recording has no topics at all".to_owned();
         }
         ([], _) => {
             let why = obstacles.join("; ");
-            return Error::unfit(
-                path,
-                format!("no usable IMU topic: the recording has no topics at all that can be read: {why}"),
-            );
+            return format!("no usable IMU topic: the recording has no topics at all that can be read: {why}");
         }
         (topics, 0) => topics.join(", "),
         (topics, further) => format!("{} and {further} more", topics.join(", ")),
     };
     let missing = sources.missing();
     if !missing.is_empty() {
-        return Error::unfit(path, format!("no usable IMU topic among {listed}; {}", missing.join("; ")));
+        return format!("no usable IMU topic among {listed}; {}", missing.join("; "));
     }
     if !obstacles.is_empty() {
         let why = obstacles.join("; ");
-        return Error::unfit(path, format!("no usable IMU topic among {listed}: {why}; see stillpoint topics"));
+        return format!("no usable IMU topic among {listed}: {why}; see stillpoint topics");
     }
     let advice = match suggested(sources.channels().map(|(_, verdict)| verdict)) {
         Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
         None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
     };
-    Error::unfit(
-        path,
-        format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units"),
-    )
+    format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units")
 }
 
 /// Suggested configuration for a recording in which nothing is used. An IMU is preferred to an accelerometer by itself,

@@ -7,7 +7,7 @@ use crate::annotate;
 use crate::config::Config;
 use crate::engine;
 use crate::imu::{ImuId, Reading, Sample, Sensor};
-use crate::record::{Event, Message};
+use crate::record::{Damage, Event, Message};
 use crate::report::{Findings, Timeline};
 use crate::topic;
 
@@ -19,18 +19,48 @@ pub(crate) struct Timelines {
     pub(crate) imus: Vec<Timeline>,
     /// Missing inputs and problems, one line each.
     pub(crate) notes: Vec<String>,
-    pub(crate) damages: u64,
+    pub(crate) damages: Damages,
     sources: Sources,
     /// Whether the annotations in the recording are used, and nothing is learned.
     annotated: bool,
     samples: Vec<(ImuId, Sensor, Sample)>,
 }
 
+/// Damages, the first of them listed one by one.
+#[derive(Debug, Default)]
+pub(crate) struct Damages {
+    lines: Vec<String>,
+    count: u64,
+}
+
+impl Damages {
+    pub(crate) fn add(&mut self, damage: &Damage) {
+        self.count += 1;
+        if self.count <= LISTED {
+            self.lines.push(format!("damaged {damage}"));
+        }
+    }
+
+    /// Takes the others in place of these if they are more.
+    pub(crate) fn or_more(&mut self, others: Self) {
+        if others.count > self.count {
+            *self = others;
+        }
+    }
+}
+
 impl Timelines {
     /// Timelines of a recording whose annotations are used if it is `annotated`.
     pub(crate) fn new(config: &Config, annotated: bool) -> Self {
         let sources = Sources::new(config);
-        Self { imus: Vec::new(), notes: Vec::new(), damages: 0, sources, annotated, samples: Vec::new() }
+        Self {
+            imus: Vec::new(),
+            notes: Vec::new(),
+            damages: Damages::default(),
+            sources,
+            annotated,
+            samples: Vec::new(),
+        }
     }
 
     /// Processes an event of the scan.
@@ -48,10 +78,7 @@ impl Timelines {
                 }
             }
             Event::Damage(damage) => {
-                self.damages += 1;
-                if self.damages <= LISTED {
-                    self.notes.push(format!("damaged {damage}"));
-                }
+                self.damages.add(damage);
             }
             _ => {}
         }
@@ -75,11 +102,13 @@ impl Timelines {
 
     /// Timelines, notes, and number of damages.
     pub(crate) fn finish(self) -> (Vec<Timeline>, Vec<String>, u64) {
-        let Self { imus, mut notes, damages, .. } = self;
-        if damages > LISTED {
-            notes.push(format!("{damages} damages in all"));
+        let Self { imus, notes, damages, .. } = self;
+        let Damages { mut lines, count } = damages;
+        if count > LISTED {
+            lines.push(format!("{count} damages in all"));
         }
-        (imus, notes, damages)
+        lines.extend(notes);
+        (imus, lines, count)
     }
 
     fn annotation(&mut self, imu: &str, event: &engine::Event) {

@@ -29,6 +29,8 @@ pub enum Kind {
         original: Original,
         /// Settings that determined the annotations.
         settings: BTreeMap<String, String>,
+        /// Whether the original is cut off or damaged where the copy is whole.
+        damaged: bool,
     },
     /// Written by Stillpoint: annotations alone.
     Sidecar {
@@ -173,7 +175,7 @@ impl Traces {
         };
         let mut length = |key| settings.remove(key).and_then(|length| length.parse::<u64>().ok());
         let (prefix, completed) = (length(PREFIX), length(COMPLETED).unwrap_or_default());
-        let (recovered, _) = (length(RECOVERED).unwrap_or_default(), length(WHOLE));
+        let (recovered, whole) = (length(RECOVERED).unwrap_or_default(), length(WHOLE));
         // Before the tail there is the prefix with what completes its last chunk, or a header of ours if the original
         // was cut off after its magic.
         let stands = |prefix: u64| prefix.checked_add(completed) == Some(kept.offset) || prefix == MAGIC.len() as u64;
@@ -192,7 +194,9 @@ impl Traces {
             return edited("something was added behind the annotations");
         }
         let original = Original { prefix, tail: tail_start..tail_end - 4 };
-        Ok(Kind::Annotated { original, settings })
+        let end = original.tail.end.saturating_sub(MAGIC.len() as u64).max(original.tail.start)..original.tail.end;
+        let damaged = whole.is_some() || completed > 0 || read(file, end)? != MAGIC;
+        Ok(Kind::Annotated { original, settings, damaged })
     }
 
     /// Whether a fold can have written all records in the range.

@@ -63,7 +63,7 @@ pub fn annotate(
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    annotate_in_order(input, outputs, config, options, watch, None)
+    annotate_in_order(input, outputs, &input.configured(config), options, watch, None)
 }
 
 /// The same, with messages of these channels in log-time order.
@@ -207,7 +207,7 @@ pub(super) fn fold(
 ///
 /// If the recording cannot be read or has no usable IMU topic.
 pub fn calibrate(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Report, Error> {
-    calibrate_in_order(input, config, watch, None)
+    calibrate_in_order(input, &input.configured(config), watch, None)
 }
 
 fn calibrate_in_order(

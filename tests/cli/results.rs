@@ -388,3 +388,23 @@ fn with_every_channel_id_taken_nothing_is_lost_and_the_sidecar_is_advised() {
     folder.say("strip none.annotated.mcap -o back.mcap -q").ok();
     assert!(folder.read("back.mcap") == folder.read("none.mcap"), "strip does not give the original back");
 }
+
+#[test]
+fn an_annotated_copy_of_a_damaged_recording_says_so_in_its_report_and_exports() {
+    let demo = Folder::with_demo().read("demo.mcap");
+    let cut = demo[..demo.len() * 2 / 3].to_vec();
+    let mut hole = demo.clone();
+    hole[demo.len() / 2..demo.len() / 2 + 4000].fill(0);
+    for (name, bytes) in [("cut", cut), ("hole", hole)] {
+        let folder = Folder::new();
+        folder.write("raw.mcap", &bytes);
+        assert_eq!(folder.say("annotate raw.mcap -o a.mcap").code, 3, "{name}");
+        let (before, after) = (folder.say("report raw.mcap"), folder.say("report a.mcap"));
+        let damaged = |text: &str| text.lines().filter(|line| line.contains("damaged at byte")).count();
+        assert_eq!((before.code, after.code), (3, 3), "{name}: {}", after.stdout);
+        assert!(damaged(&before.stdout) > 0, "{name}: {}", before.stdout);
+        assert_eq!(damaged(&after.stdout), damaged(&before.stdout), "{name}: {}", after.stdout);
+        assert_eq!(folder.say("export a.mcap --format json -o a.json").code, 3, "{name}");
+        assert_eq!(folder.say("report a.mcap --accept-damage").code, 0, "{name}");
+    }
+}

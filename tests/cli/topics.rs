@@ -214,3 +214,20 @@ fn thousands_of_other_topics_are_counted_and_an_imu_behind_them_is_shown() {
     }
     assert_eq!(folder.say("topics raw.mcap --json").ok().json()["topics"].as_array().unwrap().len(), 4001);
 }
+
+#[test]
+fn a_recording_annotated_with_a_mapping_does_not_want_it_again() {
+    let folder = Folder::new();
+    recording(&folder, &[("/imu", &|i| sample(i, 9.81, 1.0))]);
+    let offered = folder.say("topics raw.mcap --json").ok().json();
+    folder.write("map.toml", offered["topics"][0]["configuration"].as_str().unwrap().as_bytes());
+    folder.say("annotate raw.mcap -o once.mcap -c map.toml").ok();
+    let seen = folder.say("topics once.mcap --json").ok().json();
+    let seen = seen["topics"].as_array().unwrap().iter().find(|said| said["topic"] == "/imu").unwrap();
+    assert_eq!(seen["used"], true, "{seen}");
+    folder.say("annotate once.mcap -o twice.mcap").ok();
+    assert!(folder.read("once.mcap") == folder.read("twice.mcap"), "not what it was annotated to");
+    // The original alone knows nothing of it.
+    folder.say("strip once.mcap -o raw2.mcap").ok();
+    folder.refuses("annotate raw2.mcap", 1, &["no usable IMU topic among /imu"]);
+}

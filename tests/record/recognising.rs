@@ -48,7 +48,7 @@ fn the_original_is_found_although_the_end_of_the_annotated_recording_is_lost() {
     annotated.truncate(annotated.len() - 100);
     assert_eq!(recognise(&mut &annotated[..], annotated.len() as u64).unwrap(), Kind::Recording);
     let kind = recognise_scanned(&mut &annotated[..], &scan(&annotated).1).unwrap();
-    let Kind::Annotated { original, settings: found } = kind else { panic!("{kind:?}") };
+    let Kind::Annotated { original, settings: found, .. } = kind else { panic!("{kind:?}") };
     assert_eq!(copy(&annotated, &original, 0..original.length()), file);
     assert_eq!(found, settings());
 }

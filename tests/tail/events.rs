@@ -100,3 +100,21 @@ fn events_tell_of_files_damage_and_how_it_ended() {
     let run = folder.say("tail none.mcap --json -q --idle-timeout 100ms");
     assert_eq!((run.code, run.stdout.as_str()), (1, "{\"event\":\"awaited\"}\n"));
 }
+
+#[test]
+fn a_tail_that_can_use_nothing_says_so_before_the_end() {
+    let folder = Folder::new();
+    let file = std::fs::File::create(folder.path().join("a.mcap")).unwrap();
+    let mut writer = mcap::WriteOptions::new().compression(None).create(std::io::BufWriter::new(file)).unwrap();
+    let text = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data").unwrap();
+    let channel = writer.add_channel(text, "/chatter", "cdr", &BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, b"\0\x01\0\0\x01\0\0\0\0").unwrap();
+    writer.flush().unwrap();
+    let run = folder.say("tail a.mcap --json -q --idle-timeout 5");
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    let trouble = events(&run).into_iter().find(|event| event["event"] == "trouble").unwrap();
+    let what = trouble["what"].as_str().unwrap();
+    assert!(what.starts_with("so far, no usable IMU topic among /chatter"), "{what}");
+    std::mem::forget(writer);
+}

@@ -23,6 +23,8 @@ pub struct Recording {
     file: File,
     path: PathBuf,
     original: Original,
+    /// Configuration of the annotations beside the original, as TOML.
+    annotated_with: Option<String>,
     /// Length in bytes and modification time when it was opened.
     state: (u64, SystemTime),
 }
@@ -40,21 +42,19 @@ impl Recording {
     fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
         let file = in_place::open(path, access)?;
         let state = state(&file).map_err(Error::io("read", path))?;
-        Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), state })
+        Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), annotated_with: None, state })
     }
 
     /// A recording of this length whose file is already open.
     pub(crate) fn of_file(file: File, path: &Path, length: u64) -> Self {
-        Self { file, path: path.to_owned(), original: Original::whole(length), state: (length, SystemTime::UNIX_EPOCH) }
+        let (original, state) = (Original::whole(length), (length, SystemTime::UNIX_EPOCH));
+        Self { file, path: path.to_owned(), original, annotated_with: None, state }
     }
 
     /// The original in the file, if Stillpoint annotated it.
     pub(crate) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         match self.kind()? {
-            Kind::Annotated { original, .. } => {
-                let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
-                Ok(Some(Self { file, path: self.path.clone(), original, state: self.state }))
-            }
+            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..self.again()? })),
             Kind::Sidecar { .. } => Err(self.is_a_sidecar()),
             Kind::Recording | Kind::Edited { .. } => self.original_within(inventory),
         }
@@ -73,7 +73,9 @@ impl Recording {
         let file = Self::open_for(path, access)?;
         match file.kind()? {
             Kind::Recording => Ok(file),
-            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            Kind::Annotated { original, mut settings, .. } => {
+                Ok(Self { original, annotated_with: settings.remove("configuration"), ..file })
+            }
             Kind::Sidecar { .. } => Err(file.is_a_sidecar()),
             Kind::Edited { why } => {
                 let path = path.display();
@@ -113,6 +115,19 @@ impl Recording {
         })
     }
 
+    /// The original in an annotated recording if its damage does not show in the copy.
+    pub(crate) fn damaged_original(&self) -> Result<Option<Self>, Error> {
+        match self.recognise(|bytes| recognise(bytes, self.length()))? {
+            Kind::Annotated { original, damaged: true, .. } => Ok(Some(Self { original, ..self.again()? })),
+            _ => Ok(None),
+        }
+    }
+
+    /// Configuration of the annotations beside the original, as TOML, if it was opened for the original.
+    pub(crate) fn annotated_with(&self) -> Option<&str> {
+        self.annotated_with.as_deref()
+    }
+
     /// The original in an annotated recording that lost its end, which only a scan can recognise.
     pub(crate) fn original_within(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         if self.original != Original::whole(self.length()) {
@@ -127,7 +142,8 @@ impl Recording {
     /// A second handle to the same open file; it keeps the lock.
     pub(crate) fn again(&self) -> Result<Self, Error> {
         let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
-        Ok(Self { file, path: self.path.clone(), original: self.original.clone(), state: self.state })
+        let (path, original) = (self.path.clone(), self.original.clone());
+        Ok(Self { file, path, original, annotated_with: self.annotated_with.clone(), state: self.state })
     }
 
     /// Log time of the first message, in nanoseconds; `None` without messages.

@@ -1,10 +1,12 @@
 //! One recording as the user names it: a file, several files that are one, or a rosbag2 folder. [`Recording`] reads its
 //! files.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::config::{Config, Layer};
 use crate::record::{Damage, Event, Kind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
@@ -171,6 +173,35 @@ impl Input {
     /// Settings that determined the annotations, if it holds any.
     pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
         self.splits.first().map_or(Ok(None), Recording::settings)
+    }
+
+    /// The configuration, with the mapping that the recording was annotated with before unless there is another.
+    pub(crate) fn configured<'a>(&self, config: &'a Config) -> Cow<'a, Config> {
+        let earlier = self.splits.first().and_then(Recording::annotated_with).filter(|_| config.imu.is_empty());
+        let earlier = earlier.and_then(|text| Config::load(&[Layer::file("the recording", text)]).ok());
+        match earlier.filter(|earlier| !earlier.imu.is_empty()) {
+            Some(Config { imu, .. }) => Cow::Owned(Config { imu, ..config.clone() }),
+            None => Cow::Borrowed(config),
+        }
+    }
+
+    /// Calls `each` with the damages of originals that do not show in their annotated copies.
+    pub(crate) fn hidden_damages(
+        &self,
+        limits: Limits,
+        watch: Watch<'_>,
+        mut each: impl FnMut(Damage),
+    ) -> Result<(), Error> {
+        for split in &self.splits {
+            let Some(original) = split.damaged_original()? else { continue };
+            original.scan(limits, watch, &mut |event: Event<'_>| {
+                if let Event::Damage(damage) = event {
+                    each(damage);
+                }
+                Ok(())
+            })?;
+        }
+        Ok(())
     }
 
     /// The same recording with another split in place of this one.

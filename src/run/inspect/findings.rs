@@ -28,6 +28,14 @@ pub struct Found {
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
 pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Found, Error> {
     let mut found = read_annotations(input, config.limits.of_recordings(), watch)?;
+    let (mut first, mut hidden) = (None, 0);
+    input.hidden_damages(config.limits.of_recordings(), watch, |damage| {
+        hidden += 1;
+        first.get_or_insert(damage);
+    })?;
+    if hidden > found.damages {
+        (found.damage, found.damages) = (first, hidden);
+    }
     if found.imus.is_empty() {
         found.imus = calibrate(input, config, watch)?.imus;
     }

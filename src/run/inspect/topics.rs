@@ -57,6 +57,7 @@ const WHOLE: u64 = 64 << 20;
 ///
 /// If it cannot be read.
 pub fn channels(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Channels, Error> {
+    let config = &*input.configured(config);
     let mut all: Option<(Channels, Span)> = None;
     let mut done = 0;
     for split in &input.splits {

@@ -18,6 +18,8 @@ const READ: usize = 1 << 20;
 const LEFT: Duration = Duration::from_secs(2);
 /// Wait for more when a recording looks finished, but has no readable end, or no further file yet.
 const CLOSED: Duration = Duration::from_secs(1);
+/// Time without a usable topic after which that is said, rather than at the end.
+const USELESS: Duration = Duration::from_secs(3);
 
 /// Result of reading.
 enum Reached {
@@ -50,6 +52,7 @@ impl Shell<'_> {
     /// Follows a file to its end.
     fn record_file(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
         let mut last = Instant::now();
+        let mut useless = Some(last + USELESS);
         let mut unnamed = None;
         loop {
             course.scan.extend(course.growing.length());
@@ -61,6 +64,9 @@ impl Shell<'_> {
             self.save_if_due(course, tell);
             loop {
                 course.tell_progress(self.appending.length(), tell);
+                if useless.take_if(|due| *due <= Instant::now()).is_some() {
+                    course.tell_useless(tell);
+                }
                 self.pause(self.following.poll)?;
                 match self.patiently(tell, |_| course.growing.look())? {
                     Look::Grown => {

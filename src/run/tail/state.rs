@@ -7,6 +7,7 @@ use super::shell::Shell;
 use crate::Error;
 use crate::pipeline::events::{News, Progress, Tell};
 use crate::pipeline::learner::Learner;
+use crate::pipeline::no_imu::why_no_imu;
 use crate::record::{START, Scan, Sidecar, is_beginning};
 use crate::run::input::growing_file::GrowingFile;
 use crate::run::output::sidecar_file::SidecarFile;
@@ -31,6 +32,14 @@ pub(super) struct Progression {
 }
 
 impl Progression {
+    /// Says why nothing is used so far, if there are topics and none is.
+    pub(super) fn tell_useless(&self, tell: Tell<'_>) {
+        if !self.learner.has_imu() && self.learner.sources().channels().next().is_some() {
+            let why = why_no_imu(self.learner.sources(), &self.learner.obstacles());
+            tell(News::Trouble(&format!("so far, {why}; waiting for one that begins later")));
+        }
+    }
+
     /// Resumes the work of a killed run, or begins anew.
     pub(super) fn begin(
         shell: &mut Shell<'_>,
