@@ -39,6 +39,7 @@ mod model_trial;
 mod noise;
 mod observations;
 mod outliers;
+mod past_turn;
 mod preset;
 mod publication;
 mod reference;
@@ -67,6 +68,7 @@ use self::fault::{Fault, FaultKind};
 use self::givens::Givens;
 use self::noise::Noise;
 pub use self::noise::{allan_sums, axis_noise};
+pub use self::past_turn::{PastTurn, turn_of};
 use self::reference::Reference;
 pub use self::refit::{Motion, Moved, Refitted, gravity, rest_of};
 use self::rest_history::RestHistory;
@@ -76,7 +78,8 @@ use self::turn_verdict::TurnsTold;
 pub use self::unit_probe::UnitProbe;
 pub use self::units::{UnitFinding, unconfirmed_unit, unit_of_gravity};
 use crate::Stamp;
-use crate::fit::{Fixture, Parameterisation, Place};
+use crate::fit::turn_fit::TurnSeen;
+use crate::fit::{Fixture, Place};
 use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
@@ -259,6 +262,11 @@ impl Engine {
 
     /// Judges every stored rest anew and fits what the accepted ones determine.
     fn solve(&mut self) -> Solution {
+        self.solve_with(&[])
+    }
+
+    /// Solves with turns of other recordings, between the stored rests.
+    fn solve_with(&mut self, past_turns: &[TurnSeen]) -> Solution {
         let gyro_range = self.gyro_range();
         let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
@@ -268,10 +276,12 @@ impl Engine {
         let accel_unit = config.accel_unit.unwrap_or_default();
         let judge =
             Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value, accel_unit };
-        let givens = Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, gyro_range };
+        let givens =
+            Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, past_turns, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
         let unit = config.gyro_unit.unwrap_or_default();
         solution.turned = match probe {
+            _ if !past_turns.is_empty() => axes::explanation_of_past(past_turns, history.entries()),
             Some(probe) => probe.explanation(unit),
             None => {
                 let stood: Vec<_> = history.entries().iter().filter_map(Stood::of).collect();
@@ -378,9 +388,11 @@ impl Engine {
     }
 }
 
-/// Judges and fits rests as if one engine had found them all. Placements are distinguished by their numbers.
+/// Judges and fits rests as if one engine had found them all, and the turns between them, whose rests are given by
+/// their indices. Placements are distinguished by their numbers.
 pub fn refit(
     rests: impl IntoIterator<Item = Rest>,
+    turns: &[TurnSeen],
     noise: BTreeMap<Sensor, AllanSums>,
     motion: &Motion,
     config: Config,
@@ -388,15 +400,8 @@ pub fn refit(
     let mut engine = Engine::new(config);
     engine.noise = Noise::of(noise);
     rests.into_iter().for_each(|rest| engine.history.add(rest));
-    let mut solution = engine.solve();
-    if let (Some(moved), Ok(fit)) = (&motion.accelerometer, &mut solution.accelerometer) {
-        moved.replace(fit, Some(solution.gravity));
-    }
-    if let (Some(moved), Some(fit)) = (&motion.gyroscope, &mut solution.gyroscope)
-        && fit.shape == Parameterisation::BIAS
-    {
-        moved.replace(fit, None);
-    }
+    let mut solution = engine.solve_with(turns);
+    let moved = motion.replace(&mut solution);
     let Engine { config, fixture, history, .. } = &engine;
     let stamp = history.entries().iter().map(|entry| entry.rest.end).max().unwrap_or_default();
     let header = publication::header(stamp, &config.frame_id);
@@ -405,15 +410,10 @@ pub fn refit(
     let obstacle = guidance::obstacle(&solution, history.entries(), fixture);
     let coverage = publication::coverage(header.clone(), history, fixture, &solution, obstacle);
     let mut calibration = publication::calibration(header, history, config, &solution);
-    if let (Some(moved), Some(triad)) = (&motion.accelerometer, &mut calibration.accelerometer)
-        && solution.accelerometer.is_ok()
-    {
-        triad.notes.push(moved.note.clone());
-    }
-    if let (Some(moved), Some(triad)) = (&motion.gyroscope, &mut calibration.gyroscope)
-        && solution.gyroscope.as_ref().is_some_and(|fit| fit.shape == Parameterisation::BIAS)
-    {
-        triad.notes.push(moved.note.clone());
+    for (moved, triad) in moved.into_iter().zip([&mut calibration.accelerometer, &mut calibration.gyroscope]) {
+        if let (Some(moved), Some(triad)) = (moved, triad) {
+            triad.notes.push(moved.note.clone());
+        }
     }
     let round = engine.gate.round(&engine.history, &engine.fixture, engine.config.fit.refit);
     let mut calibration = engine.gate.calibration(calibration, true, round);

@@ -80,7 +80,8 @@ fn people(merged: &Merged, look: Look) -> String {
     lines.push(summary::imu(&merged.findings, None, look));
     let history = &merged.history;
     let thinned = if history.is_thinned { ", of more the ones that stand for them" } else { "" };
-    lines.push(format!("  merged   {} rests of {} recordings{thinned}", history.rests, history.recordings));
+    let turns = if history.turns > 0 { format!(", with {} turns between them", history.turns) } else { String::new() };
+    lines.push(format!("  merged   {} rests of {} recordings{turns}{thinned}", history.rests, history.recordings));
     for (drifts, what) in history.drifts.into_iter().zip(["accelerometer", "gyroscope"]) {
         if drifts {
             lines.push(format!(

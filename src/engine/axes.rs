@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::rest_history::JudgedRest;
 use crate::Stamp;
 use crate::fit::guess;
+use crate::fit::turn_fit::TurnSeen;
 use crate::imu::RateUnit;
 use crate::messages::segment::Reason;
 use crate::turns::{Ends, Explanation, History, RateScale, SeenTurn, Unusable, angle_between, explain};
@@ -55,26 +56,49 @@ pub(super) fn explanation(history: &History, stood: &[Stood], unit: RateUnit) ->
     explain(&seen(history, stood), &scales)
 }
 
-/// Selects the turns that also rotated gravity.
-fn seen(history: &History, stood: &[Stood]) -> Vec<SeenTurn> {
-    let at = |start: Stamp| stood.iter().find(|rest| rest.start == start);
-    // Scale to m/s² from any unit: gravity is the length that the rests share.
+/// Explains turns of other recordings, whose readings were converted to rad/s.
+pub(super) fn explanation_of_past(turns: &[TurnSeen], entries: &[JudgedRest]) -> Explanation {
+    let stood: Vec<_> = entries.iter().map(Stood::of).collect();
+    let known: Vec<_> = stood.iter().flatten().copied().collect();
+    let correct = correction(&known);
+    let seen = turns.iter().rev().filter_map(|turn| {
+        let [before, after] = turn.rests.map(|rest| stood.get(rest).copied().flatten());
+        let ends = ends(&before?, &after?, &correct)?;
+        Some(SeenTurn { pieces: turn.pieces.clone(), ends, force: None, clipped: false })
+    });
+    let seen: Vec<_> = seen.take(MOST_TURNS).collect();
+    let scales: Vec<_> = RateScale::all().map(|scale| scale.per_radian()).collect();
+    explain(&seen, &scales)
+}
+
+/// Specific force in m/s² of a reading in any unit: gravity is the length that the rests share.
+fn correction(stood: &[Stood]) -> impl Fn(&Vector3<f64>) -> Vector3<f64> + use<> {
     let scale = typical(stood.iter().map(|rest| rest.force.norm())).map_or(1.0, |gravity| G / gravity);
     let forces: Vec<_> = stood.iter().map(|rest| rest.force * scale).collect();
     let calibration = guess(forces.iter(), G);
-    let correct = |force: &Vector3<f64>| calibration.correct(&(force * scale));
+    move |force: &Vector3<f64>| calibration.correct(&(force * scale))
+}
+
+/// Ends of a turn that also rotated gravity.
+fn ends(before: &Stood, after: &Stood, correct: &impl Fn(&Vector3<f64>) -> Vector3<f64>) -> Option<Ends> {
+    let up = |rest: &Stood| correct(&rest.force).try_normalize(f64::MIN_POSITIVE);
+    let ends = Ends { up: [up(before)?, up(after)?], rate: [before.rate, after.rate], by_up: Matrix3::zeros() };
+    (angle_between(&ends.up[0], &ends.up[1]) > TURNED).then_some(ends)
+}
+
+/// Selects the turns that also rotated gravity.
+fn seen(history: &History, stood: &[Stood]) -> Vec<SeenTurn> {
+    let at = |start: Stamp| stood.iter().find(|rest| rest.start == start);
+    let correct = correction(stood);
     let turns = history.turns(|start| at(start).is_some());
     let seen = turns.into_iter().rev().filter_map(|turn| {
         let why = turn.unusable(None);
         let told = matches!(why, None | Some(Unusable::Clipped | Unusable::TooLong)) && turn.seconds() < LONGEST;
-        let [before, after] = [at(turn.from)?, at(turn.to)?];
-        let up = |rest: &Stood| correct(&rest.force).try_normalize(f64::MIN_POSITIVE);
-        let ends = Ends { up: [up(before)?, up(after)?], rate: [before.rate, after.rate], by_up: Matrix3::zeros() };
-        let turned = angle_between(&ends.up[0], &ends.up[1]) > TURNED;
+        let ends = ends(at(turn.from)?, at(turn.to)?, &correct)?;
         let force = turn.force().map(|force| correct(&force) / G);
         let clipped = why == Some(Unusable::Clipped);
         let pieces = turn.pieces();
-        (told && turned && !pieces.is_empty()).then_some(SeenTurn { pieces, ends, force, clipped })
+        (told && !pieces.is_empty()).then_some(SeenTurn { pieces, ends, force, clipped })
     });
     seen.take(MOST_TURNS).collect()
 }

@@ -1,6 +1,7 @@
 //! Inputs of a solution beside the rests.
 
 use super::reference::Reference;
+use crate::fit::turn_fit::TurnSeen;
 use crate::fit::{Gravity, Parameterisation};
 use crate::turns::History;
 
@@ -13,6 +14,8 @@ pub(super) struct Givens<'a> {
     pub(super) kept: Option<Parameterisation>,
     pub(super) reference: Option<&'a Reference>,
     pub(super) turns: &'a History,
+    /// Turns of other recordings, between entries of the history of rests.
+    pub(super) past_turns: &'a [TurnSeen],
     /// Range of the gyroscope by its datasheet, rad/s.
     pub(super) gyro_range: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! Refit of an engine over rests that were found before, in any recording: the basis of merging. What only samples
+//! Refit of an engine over rests and turns that were found before, in any recording: the basis of merging. What only samples
 //! show, such as the converter's step and the noise floor, is not known here.
 
 use std::collections::BTreeMap;
@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::config::Config;
+use super::solution::Solution;
 use super::solve;
+use crate::fit::turn_fit::Told;
 use crate::fit::{Estimate, Gravity, Parameterisation, Term};
 use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
 use crate::still::{ReadingRange, Rest, TriadMean};
@@ -48,9 +50,48 @@ pub fn gravity(config: &Config) -> Gravity {
     solve::gravity(&config.fit, None)
 }
 
+impl Motion {
+    /// Replaces the estimates of accelerometer and gyroscope, and returns by what. What the turns show of the
+    /// accelerometer is joined to its values; of the gyroscope they show the sensitivity, which does not move.
+    pub(super) fn replace(&self, solution: &mut Solution) -> [Option<&Moved>; 2] {
+        let turning = solution.turning.as_ref();
+        let found = turning.and_then(|turning| turning.found.as_ref().ok());
+        let told = found.filter(|_| turning.is_some_and(|turning| turning.completed)).map(|found| &found.told);
+        let mut moved = [None; 2];
+        if let (Some(accelerometer), Ok(fit)) = (&self.accelerometer, &mut solution.accelerometer) {
+            let joined = told.and_then(|told| accelerometer.joined(told));
+            joined.as_ref().unwrap_or(accelerometer).replace(fit, Some(solution.gravity));
+            moved[0] = Some(accelerometer);
+        }
+        if let (Some(gyroscope), Some(bias), Some(fit)) =
+            (&self.gyroscope, &mut solution.gyro_at_rest, &mut solution.gyroscope)
+            && bias.shape == Parameterisation::BIAS
+        {
+            gyroscope.replace(bias, None);
+            *fit = found.map_or_else(|| bias.clone(), |found| found.with_bias(bias));
+            moved[1] = Some(gyroscope);
+        }
+        moved
+    }
+}
+
 impl Moved {
+    /// Joins what turns show of an accelerometer, which is independent of its rests.
+    fn joined(&self, told: &Told) -> Option<Self> {
+        let count = Parameterisation::TRIANGULAR.unknowns();
+        if self.parameters.len() != count || self.covariance.shape() != (count, count) {
+            return None;
+        }
+        let own = self.covariance.clone().try_inverse()?;
+        let (more, moment) = (&told.information, &told.moment);
+        let information = DMatrix::from_fn(count, count, |i, j| own[(i, j)] + more[(i, j)]);
+        let covariance = information.cholesky()?.inverse();
+        let moment = own * &self.parameters + DVector::from_column_slice(moment.as_slice());
+        Some(Self { parameters: &covariance * moment, covariance, note: self.note.clone() })
+    }
+
     /// Replaces the values of an estimate with the same parameters, or fewer.
-    pub(super) fn replace(&self, fit: &mut Estimate, gravity: Option<Gravity>) {
+    fn replace(&self, fit: &mut Estimate, gravity: Option<Gravity>) {
         let order = match self.parameters.len() {
             3 => Parameterisation::BIAS,
             _ => Parameterisation::TRIANGULAR,
@@ -73,10 +114,6 @@ impl Moved {
 
 /// Rest of a segment, without its secondary accelerometers, and those by name. `None` if its values are no readings.
 pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)> {
-    let stamp = |time: &Option<prost_types::Timestamp>| {
-        let time = time.as_ref()?;
-        Some(Stamp::from_nanos(time.seconds.checked_mul(1_000_000_000)?.checked_add(time.nanos.into())?))
-    };
     let (start, end) = (stamp(&segment.start)?, stamp(&segment.end)?);
     let (mut accelerometer, mut gyroscope, mut secondary) = (None, None, BTreeMap::new());
     for mean in &segment.means {
@@ -89,6 +126,12 @@ pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)>
     let (placement, crept) = (segment.placement, false);
     let rest = Rest { start, end, placement, crept, accelerometer: accelerometer?, gyroscope, secondary: Vec::new() };
     (start <= end).then_some((rest, secondary))
+}
+
+/// Stamp of a message, if it can be one.
+pub(super) fn stamp(time: &Option<prost_types::Timestamp>) -> Option<Stamp> {
+    let time = time.as_ref()?;
+    Some(Stamp::from_nanos(time.seconds.checked_mul(1_000_000_000)?.checked_add(time.nanos.into())?))
 }
 
 fn mean_of(message: &MeanMessage) -> Option<TriadMean> {

@@ -15,7 +15,7 @@ use crate::fit::accelerometer::fit_with;
 use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnSeen, TurnSession};
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
-use crate::turns::{History, Unusable};
+use crate::turns::Unusable;
 
 /// Fits the turns beside an accelerometer; `None` if there are no turns.
 pub(super) fn fit(
@@ -25,7 +25,7 @@ pub(super) fn fit(
     accelerometer: &Estimate,
 ) -> Option<Turning> {
     let noise = observations::gyroscope_noise(judge.segmenter);
-    let (session, unusable) = session(givens.turns, entries, noise, givens.gyro_range);
+    let (session, unusable) = session(givens, entries, noise);
     if session.turns.is_empty() && unusable.is_empty() {
         return None;
     }
@@ -117,19 +117,15 @@ fn triangular(
 }
 
 /// Usable turns between accepted rests, and the numbers of unusable ones by reason.
-fn session(
-    history: &History,
-    entries: &[JudgedRest],
-    noise: f64,
-    range: Option<f64>,
-) -> (TurnSession, Vec<(Unusable, usize)>) {
-    let told: Vec<_> = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).collect();
+fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (TurnSession, Vec<(Unusable, usize)>) {
+    let told = entries.iter().enumerate().filter(|(_, entry)| observations::tells_of_rates(entry, noise));
+    let (places, told): (Vec<_>, Vec<_>) = told.unzip();
     let place = |start: Stamp| told.iter().position(|entry| entry.rest.start == start);
     let first = told.first().map_or(Stamp::default(), |entry| entry.rest.start);
     let rests = told.iter().filter_map(|entry| seen(entry, first)).collect();
     let (mut turns, mut unusable) = (Vec::new(), Vec::<(Unusable, usize)>::new());
-    for turn in history.turns(|start| place(start).is_some()) {
-        if let Some(why) = turn.unusable(range) {
+    for turn in givens.turns.turns(|start| place(start).is_some()) {
+        if let Some(why) = turn.unusable(givens.gyro_range) {
             match unusable.iter_mut().find(|(known, _)| *known == why) {
                 Some((_, count)) => *count += 1,
                 None => unusable.push((why, 1)),
@@ -144,6 +140,12 @@ fn session(
             path: turn.path(),
             roughness: turn.roughness(),
         });
+    }
+    for turn in givens.past_turns {
+        let [from, to] = turn.rests.map(|rest| places.binary_search(&rest));
+        if let (Ok(from), Ok(to)) = (from, to) {
+            turns.push(TurnSeen { rests: [from, to], ..turn.clone() });
+        }
     }
     let walks = told.iter().filter_map(|entry| {
         let gyroscope = entry.rest.gyroscope.as_ref()?;

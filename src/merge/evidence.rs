@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::noise_set::NoiseSet;
-use super::rest_set::{PastRest, RestSet};
-use crate::engine::rest_of;
+use super::past_rest::{PastRest, RestSet};
+use super::past_turn::{PastTurn, TurnSet};
+use crate::engine::{rest_of, turn_of};
 use crate::messages::segment::Reason;
 use crate::report::Findings;
 
@@ -22,6 +23,7 @@ pub struct Merge {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     pub(super) rests: RestSet,
+    pub(super) turns: TurnSet,
     pub(super) noise: NoiseSet,
     /// Identity in the latest recording, and the start of that recording's first rest, ns.
     pub(super) identity: Option<(i64, Identity)>,
@@ -63,21 +65,26 @@ impl Evidence {
     pub fn of(findings: &Findings) -> Self {
         let recording = findings.rests.keys().next().copied();
         let at_rest = findings.rests.values().filter(|rest| matches!(rest.reason(), Reason::Accepted | Reason::Tilted));
-        let mut rests = RestSet::default();
-        for segment in at_rest {
+        let past = at_rest.filter_map(|segment| {
             let temperature = segment.temperature.filter(|temperature| temperature.is_finite());
-            if let (Some((rest, secondary)), Some(recording)) = (rest_of(segment), recording) {
-                rests.insert(PastRest { recording, rest, secondary, temperature });
-            }
-        }
+            let (rest, secondary) = rest_of(segment)?;
+            Some(PastRest { recording: recording?, rest, secondary, temperature })
+        });
+        let past: Vec<_> = past.collect();
+        let mut turns = TurnSet::default();
+        let followed = findings.turns.values().filter_map(|turn| PastTurn::between(turn_of(turn)?, &past));
+        followed.for_each(|turn| turns.insert(turn));
+        let mut rests = RestSet::default();
+        past.into_iter().for_each(|rest| rests.insert(rest));
         let noise = recording.zip(findings.noise.as_ref());
         let noise = noise.map(|(recording, noise)| NoiseSet::of(recording, noise)).unwrap_or_default();
-        Self { rests, noise, identity: Some((recording.unwrap_or(i64::MIN), Identity::of(findings))) }
+        Self { rests, turns, noise, identity: Some((recording.unwrap_or(i64::MIN), Identity::of(findings))) }
     }
 
     /// Adds the evidence of others on the same sensor.
     pub fn join(&mut self, other: Self) {
         self.rests.join(other.rests);
+        self.turns.join(other.turns);
         self.noise.join(other.noise);
         self.identity = self.identity.take().max(other.identity);
     }
@@ -85,6 +92,20 @@ impl Evidence {
     /// The rests that are kept.
     pub fn rests(&self) -> &RestSet {
         &self.rests
+    }
+
+    /// The turns that are kept.
+    pub fn turns(&self) -> &TurnSet {
+        &self.turns
+    }
+
+    /// The rests that are kept, and those at the ends of the turns that are, ordered by their start.
+    pub(super) fn in_time(&self) -> Vec<&PastRest> {
+        let key = |past: &PastRest| (past.rest.start, past.rest.end, past.recording);
+        let ends = self.turns.iter().flat_map(|turn| &turn.rests).map(|past| (key(past), past));
+        // A rest that is kept by itself, too, counts as it is there.
+        let all: BTreeMap<_, _> = ends.chain(self.rests.iter().map(|past| (key(past), past))).collect();
+        all.into_values().collect()
     }
 }
 

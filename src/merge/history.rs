@@ -10,7 +10,9 @@ pub struct History {
     pub recordings: usize,
     /// Number of rests used.
     pub rests: usize,
-    /// Whether some of the rests stand for others that had no room.
+    /// Number of turns used, of which each lies between two of the rests.
+    pub turns: usize,
+    /// Whether some of the rests or turns stand for others that had no room.
     pub is_thinned: bool,
     /// Epochs between changes, oldest first.
     pub epochs: Vec<Epoch>,

@@ -2,16 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
 use super::change_points::Jump;
 use super::evidence::{Evidence, Identity, Merge};
 use super::history::{Change, ChangeKind, Epoch, History, Point};
+use super::past_rest::PastRest;
+use super::past_turn::PastTurn;
 use super::random_walk::State;
-use super::rest_set::PastRest;
 use super::timeline::{self, Course, UNKNOWNS};
+use crate::Stamp;
 use crate::config::Config;
 use crate::engine::{self, Motion, Moved, Refitted, Secondary};
+use crate::fit::turn_fit::TurnSeen;
 use crate::fit::{Parameterisation, Term};
 use crate::imu::Sensor;
 use crate::report::{Findings, nanos};
@@ -50,7 +53,7 @@ impl<'a> Story<'a> {
     fn of(evidence: &'a Evidence, config: &Config) -> Self {
         let identity = evidence.identity.as_ref().map(|(_, identity)| identity.clone()).unwrap_or_default();
         let engine = engine_config(&identity, config);
-        let rests = evidence.rests.in_time();
+        let rests = evidence.in_time();
         let visits = timeline::visits(&rests);
         let accelerometer = timeline::accelerometer(&rests, &visits, &engine);
         let gyroscope = timeline::gyroscope(&rests, &visits, &engine);
@@ -73,7 +76,8 @@ impl<'a> Story<'a> {
         let history = History {
             recordings: self.rests.iter().map(|rest| rest.recording).collect::<BTreeSet<_>>().len(),
             rests: self.rests.len(),
-            is_thinned: self.evidence.rests.is_thinned(),
+            turns: self.evidence.turns.len(),
+            is_thinned: self.evidence.rests.is_thinned() || self.evidence.turns.is_thinned(),
             epochs,
             changes: self.changes(),
             curve: self.curve(),
@@ -89,6 +93,7 @@ impl<'a> Story<'a> {
         let mut placements = BTreeMap::new();
         let mut rests = Vec::new();
         let mut recordings = BTreeSet::new();
+        let mut places = BTreeMap::new();
         for (visit, place) in
             (from..until).flat_map(|visit| self.visits.get(visit).into_iter().flatten().map(move |i| (visit, *i)))
         {
@@ -104,6 +109,7 @@ impl<'a> Story<'a> {
                 rest.gyroscope = None;
             }
             self.as_of(last, visit, &mut rest);
+            places.insert((past.recording, rest.start), (rests.len(), visit));
             rests.push(rest);
         }
         let (begin, end) = (rests.iter().map(|rest| rest.start).min(), rests.iter().map(|rest| rest.end).max());
@@ -111,7 +117,8 @@ impl<'a> Story<'a> {
             (Some(&first), Some(&last)) => self.by_sensor(self.evidence.noise.total(first, last)),
             _ => BTreeMap::new(),
         };
-        let refitted = engine::refit(rests, noise, &self.motion(last), self.engine.clone());
+        let turns: Vec<_> = self.turns_between(&places, last);
+        let refitted = engine::refit(rests, &turns, noise, &self.motion(last), self.engine.clone());
         let epoch = Epoch {
             begin: begin.unwrap_or_default(),
             end: end.unwrap_or_default(),
@@ -122,6 +129,35 @@ impl<'a> Story<'a> {
         (epoch, refitted)
     }
 
+    /// Turns between these rests, in time order: by recording and start, the index and the visit of each. The rates are
+    /// those that would have been read at another visit.
+    fn turns_between(&self, places: &BTreeMap<(i64, Stamp), (usize, usize)>, then: usize) -> Vec<TurnSeen> {
+        let mut turns: Vec<_> = self.evidence.turns.iter().collect();
+        turns.sort_by_key(|turn| (turn.motion.start, turn.motion.end));
+        let seen = |PastTurn { motion, rests }: &PastTurn| {
+            let place = |past: &PastRest| places.get(&(past.recording, past.rest.start)).copied();
+            let [(from, before), (to, after)] = [place(&rests[0])?, place(&rests[1])?];
+            let slower = -(self.faster(then, before) + self.faster(then, after)) / 2.0;
+            Some(TurnSeen {
+                rests: [from, to],
+                pieces: motion.pieces.iter().map(|piece| piece.without(&slower)).collect(),
+                seconds: motion.seconds,
+                path: motion.path,
+                roughness: motion.roughness,
+            })
+        };
+        turns.into_iter().filter_map(seen).collect()
+    }
+
+    /// Rate by which the gyroscope reads more at one visit than at another, rad/s.
+    fn faster(&self, then: usize, visit: usize) -> Vector3<f64> {
+        let states = &self.gyroscope.states;
+        match (states.get(visit), states.get(then)) {
+            (Some(now), Some(then)) if self.gyroscope.is_followed => then.mean - now.mean,
+            _ => Vector3::zeros(),
+        }
+    }
+
     /// Converts a rest into what it would have read at another visit, if the parameters walk.
     fn as_of(&self, then: usize, visit: usize, rest: &mut Rest) {
         if self.accelerometer.is_followed
@@ -130,11 +166,8 @@ impl<'a> Story<'a> {
             let truth = timeline::calibration(&now.mean).correct(&rest.accelerometer.mean);
             rest.accelerometer.mean = timeline::calibration(&then.mean).measure(&truth);
         }
-        if self.gyroscope.is_followed
-            && let (Some(now), Some(then)) = (self.gyroscope.states.get(visit), self.gyroscope.states.get(then))
-            && let Some(rate) = &mut rest.gyroscope
-        {
-            rate.mean += then.mean - now.mean;
+        if let Some(rate) = &mut rest.gyroscope {
+            rate.mean += self.faster(then, visit);
             rate.ends = [rate.mean; 2];
         }
     }

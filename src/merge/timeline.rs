@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::change_points::{Jump, jumps};
 use super::random_walk::{Equation, State, Visit, Walk, span};
-use super::rest_set::PastRest;
+use super::past_rest::PastRest;
 use crate::engine;
 use crate::fit::{Calibration, Parameterisation, Term};
 

@@ -1,9 +1,10 @@
 //! Piece of motion, integrated so that bias and sensitivity can be applied afterwards.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Integrals of the raw rate ω over a time T, with t from 0 to T, in the sensor's axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
     /// Angle α = ∫ ω dt, rad.
     pub angle: Vector3<f64>,

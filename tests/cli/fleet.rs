@@ -56,6 +56,25 @@ fn recordings_none_of_which_suffices_are_a_calibration_together() {
 }
 
 #[test]
+fn one_annotated_recording_alone_is_merged_to_what_its_export_says() {
+    let folder = Folder::new();
+    let mut bytes = Vec::new();
+    record(&Scenario::builtin("demo").unwrap(), &mut bytes).unwrap();
+    folder.write("demo.mcap", &bytes);
+    folder.say("annotate demo.mcap").ok();
+    let alone = folder.say("export demo.annotated.mcap --format json").ok().json();
+    let merged = folder.say("merge demo.annotated.mcap --format json").ok().json();
+    for triad in ["accelerometer", "gyroscope"] {
+        let [alone, merged] = [&alone, &merged].map(|all| &all["imus"][0][triad]);
+        assert_eq!((&alone["model"], &alone["status"]), (&merged["model"], &merged["status"]));
+        for number in ["bias", "bias_std", "sensitivity"] {
+            assert_eq!(alone[number], merged[number], "{triad} {number}");
+        }
+    }
+    assert!(merged["imus"][0]["history"]["turns"].as_u64().unwrap() >= 6, "{merged}");
+}
+
+#[test]
 fn one_bad_recording_never_stops_the_others_and_the_manifest_says_what_became_of_each() {
     let folder = faces();
     folder.write("bad.mcap", b"no recording at all");

@@ -3,9 +3,14 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/fleet.rs"]
+mod fleet;
+#[path = "../common/hand.rs"]
+mod hand;
 
 mod exports;
 mod layout;
 mod merge;
+mod merged_turns;
 mod numbers;
 mod page;

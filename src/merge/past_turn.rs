@@ -1,0 +1,80 @@
+//! Turn of one sensor in one of any number of recordings, with the rests at its ends.
+//!
+//! The turn that rotated gravity the most stands for a span of time and for the faces, edges or corners of a cube that
+//! were up before and after it.
+
+use std::cmp::Ordering;
+
+use serde::{Deserialize, Serialize};
+
+use super::past_rest::{PastRest, pose};
+use super::thinned_set::{Member, ThinnedSet};
+use crate::engine::PastTurn as Motion;
+
+/// Turns of one sensor.
+pub type TurnSet = ThinnedSet<PastTurn>;
+
+/// A turn, and the rests of its recording that it lies between.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PastTurn {
+    /// The motion.
+    pub motion: Motion,
+    /// Rests before and after it.
+    pub rests: [PastRest; 2],
+}
+
+impl PastTurn {
+    /// Turn between two of these rests of its recording; `None` if it does not lead from one to another.
+    pub fn between(motion: Motion, rests: &[PastRest]) -> Option<Self> {
+        let of = |time| rests.iter().find(|past| (past.rest.start..=past.rest.end).contains(&time)).cloned();
+        let ends = [of(motion.start)?, of(motion.end)?];
+        (ends[0].rest.end < ends[1].rest.start).then_some(Self { motion, rests: ends })
+    }
+
+    /// Cosine of the angle by which gravity turned.
+    fn cosine(&self) -> f64 {
+        let [before, after] = self.rests.each_ref().map(|past| past.rest.accelerometer.mean);
+        before.dot(&after) / (before.norm() * after.norm()).max(f64::MIN_POSITIVE)
+    }
+
+    /// Every number of the motion.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let Motion { pieces, seconds, path, roughness, .. } = &self.motion;
+        let pieces = pieces.iter().flat_map(|piece| {
+            [piece.angle, piece.coning, piece.moment]
+                .into_iter()
+                .flat_map(Into::<[f64; 3]>::into)
+                .chain([piece.seconds])
+        });
+        [*path, *seconds, *roughness].into_iter().chain(pieces)
+    }
+}
+
+impl Member for PastTurn {
+    type Pose = [[i8; 3]; 2];
+    /// As many as a fit needs by far: one of them takes two kilobytes.
+    const MOST: usize = 512;
+
+    fn start(&self) -> i64 {
+        self.motion.start.nanos()
+    }
+
+    fn pose(&self) -> [[i8; 3]; 2] {
+        self.rests.each_ref().map(|past| pose(&past.rest.accelerometer.mean, 1.0))
+    }
+
+    fn rank(&self, other: &Self) -> Ordering {
+        let span = |turn: &Self| (turn.motion.start, turn.motion.end, turn.motion.pieces.len());
+        let rests = || self.rests.iter().zip(&other.rests).map(|(mine, theirs)| mine.rank(theirs));
+        // The shorter of two ways shows more.
+        other
+            .cosine()
+            .total_cmp(&self.cosine())
+            .then_with(|| other.motion.path.total_cmp(&self.motion.path))
+            .then_with(|| span(self).cmp(&span(other)))
+            .then_with(|| {
+                self.numbers().zip(other.numbers()).map(|(a, b)| a.total_cmp(&b)).fold(Ordering::Equal, Ordering::then)
+            })
+            .then_with(|| rests().fold(Ordering::Equal, Ordering::then))
+    }
+}

@@ -1,0 +1,202 @@
+//! Turns of many recordings: together they determine the gyroscope, and the accelerometer's axes, as in one recording;
+//! order, grouping and repetition change nothing.
+
+use std::sync::OnceLock;
+
+use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
+use rand::SeedableRng as _;
+use rand::seq::SliceRandom as _;
+use stillpoint::engine::{self, Engine};
+use stillpoint::imu::Sample;
+use stillpoint::merge::{Member as _, Merge, Merged, PastTurn, outcome};
+use stillpoint::messages::Triad;
+use stillpoint::messages::triad::Model;
+use stillpoint::report::Findings;
+
+use crate::common::needs::randomness;
+use crate::fleet::{DAY, config};
+use crate::hand::{self, Hand, Held};
+
+/// Sensor with cross-axis sensitivities everywhere.
+fn held() -> Held {
+    Held {
+        gyro_sensitivity: Matrix3::new(1.012, 0.004, -0.003, -0.006, 0.991, 0.002, 0.005, -0.004, 1.007),
+        accel_sensitivity: Matrix3::new(1.004, 0.0, 0.0, 0.006, 0.997, 0.0, -0.004, 0.005, 1.002),
+        accel_bias: Vector3::new(0.2, -0.1, 0.15),
+        placement: 0.003,
+        ..Held::default()
+    }
+}
+
+/// What an engine finds in a session so many days on.
+fn found(hand: &Hand, day: i64) -> Findings {
+    let mut config = engine::Config { accelerometer: "/imu".to_owned(), ..engine::Config::default() };
+    config.gyroscope = "/imu".to_owned();
+    config.fit.gravity = Some(hand::G);
+    let mut engine = Engine::new(config);
+    let mut events = Vec::new();
+    for (sensor, sample) in &hand.samples {
+        let stamp = sample.stamp.plus_nanos(day * DAY);
+        engine.push(*sensor, &Sample { stamp, log_time: stamp.nanos() as u64, value: sample.value }, &mut events);
+    }
+    engine.finish(&mut events);
+    let mut findings = Findings::new("/imu", "/imu");
+    events.iter().for_each(|event| findings.note(event));
+    findings
+}
+
+/// Sessions of a few turns each, a day apart; the gyroscope's bias is another every day.
+fn days(seed: u64, count: i64, turns: usize, walk: f64) -> Vec<Findings> {
+    let mut held = held();
+    let session = |day: i64| {
+        let hand = Hand::new(held.clone(), seed.wrapping_add(day as u64)).rest(3.0).through_faces(turns);
+        let step = Hand::new(Held::default(), seed.wrapping_sub(day as u64)).normal();
+        held.gyro_bias += step * walk;
+        found(&hand, day)
+    };
+    (0..count).map(session).collect()
+}
+
+fn joined<'a>(all: impl IntoIterator<Item = &'a Findings>) -> Merge {
+    all.into_iter().fold(Merge::default(), |mut sum, findings| {
+        sum.join(Merge::of("/imu", findings));
+        sum
+    })
+}
+
+fn only(merge: &Merge) -> Merged {
+    let mut merged = outcome(merge, &config());
+    assert_eq!(merged.len(), 1);
+    merged.pop().unwrap()
+}
+
+fn triads(findings: &Findings) -> [&Triad; 2] {
+    let calibration = findings.calibration.as_ref().unwrap();
+    [calibration.accelerometer.as_ref().unwrap(), calibration.gyroscope.as_ref().unwrap()]
+}
+
+/// Errors of a sensitivity over their standard deviations.
+fn scores(triad: &Triad, truth: &Matrix3<f64>) -> Vec<f64> {
+    let truth = truth.transpose();
+    let all = triad.sensitivity.iter().zip(&triad.sensitivity_std).zip(truth.iter());
+    all.filter(|((_, std), _)| **std > 0.0).map(|((value, std), truth)| (value - truth) / std).collect()
+}
+
+#[test]
+fn one_recording_alone_is_merged_to_what_its_engine_found() {
+    let hand = Hand::new(held(), randomness().random()).rest(3.0).through_faces(24);
+    let alone = found(&hand, 0);
+    let merged = only(&joined([&alone]));
+    assert!(merged.history.turns >= 20, "{}", merged.history.turns);
+    // An engine keeps to the model that it published first, which near the limit decides whether rests or turns tell the
+    // accelerometer's axes; otherwise both agree to the last bit.
+    let near = [(1.0, 2.5), (0.3, 1.1)];
+    for ((one, other), (off, wider)) in triads(&alone).into_iter().zip(triads(&merged.findings)).zip(near) {
+        assert_eq!((one.model(), one.turns, one.status()), (other.model(), other.turns, other.status()));
+        assert!(!one.sensitivity.is_empty());
+        let numbers = |triad: &Triad| {
+            let bias = triad.bias.as_ref().map(|v| [v.x, v.y, v.z]).unwrap();
+            let std = triad.bias_std.as_ref().map(|v| [v.x, v.y, v.z]).unwrap();
+            let of_sensitivity = triad.sensitivity.iter().zip(&triad.sensitivity_std).map(|(a, b)| (*a, *b));
+            bias.into_iter().zip(std).chain(of_sensitivity).collect::<Vec<_>>()
+        };
+        for ((a, std), (b, other)) in numbers(one).into_iter().zip(numbers(other)) {
+            assert!(
+                (a - b).abs() <= off * std && (std / wider..=std * wider).contains(&other),
+                "{a} ± {std}, {b} ± {other}"
+            );
+        }
+    }
+    assert_eq!(triads(&alone)[1].model(), Model::Turns);
+}
+
+#[test]
+fn recordings_of_a_few_turns_each_determine_the_gyroscope_and_the_axes_together() {
+    for walk in [0.0, 2e-4] {
+        let all = days(randomness().random(), 8, 5, walk);
+        assert!(all.iter().all(|findings| triads(findings)[1].model() == Model::Bias));
+        let merged = only(&joined(&all));
+        assert_eq!((merged.history.turns, merged.history.recordings), (40, 8));
+        let [accelerometer, gyroscope] = triads(&merged.findings);
+        assert_eq!((accelerometer.model(), gyroscope.model()), (Model::Triangular, Model::Turns), "{gyroscope:?}");
+        let held = held();
+        for (triad, truth) in [(accelerometer, held.accel_sensitivity), (gyroscope, held.gyro_sensitivity)] {
+            let scores = scores(triad, &truth);
+            let half = triad.sensitivity_std.iter().copied().fold(0.0, f64::max);
+            assert!(scores.iter().all(|score| score.abs() < 4.5) && half < 2.5e-3, "{scores:?} ± {half}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_turn_is_left_out() {
+    let mut all = days(randomness().random(), 1, 5, 0.0);
+    let turns = |findings: &Findings| joined([findings]).sensors["/imu"].turns().len();
+    let sound = turns(&all[0]);
+    let spoil: [fn(&mut stillpoint::messages::Turn); 5] = [
+        |turn| turn.integrals[3] = f64::NAN,
+        |turn| turn.integrals.truncate(9),
+        |turn| turn.integrals = vec![0.0; 100_000],
+        |turn| turn.seconds = -1.0,
+        |turn| turn.end = turn.start,
+    ];
+    let count = spoil.len();
+    all[0].turns.values_mut().zip(spoil).for_each(|(turn, spoil)| spoil(turn));
+    assert_eq!((sound, turns(&all[0])), (count, 0));
+}
+
+#[test]
+fn turns_of_years_are_kept_in_bounded_memory_and_which_are_depends_on_no_order() {
+    let mut rng = randomness();
+    let base = days(rng.random(), 1, 6, 0.0).pop().unwrap();
+    let moved = |day: i64| {
+        let later = |time: &mut Option<prost_types::Timestamp>| {
+            time.iter_mut().for_each(|time| time.seconds += day * 86_400);
+        };
+        let mut findings = base.clone();
+        findings.rests.values_mut().for_each(|rest| [&mut rest.start, &mut rest.end].into_iter().for_each(later));
+        findings.turns.values_mut().for_each(|turn| [&mut turn.start, &mut turn.end].into_iter().for_each(later));
+        let key = |(start, one)| (start + day * DAY, one);
+        findings.rests = findings.rests.into_iter().map(key).collect();
+        findings
+    };
+    let mut all: Vec<_> = (0..300).map(moved).collect();
+    let forwards = joined(&all);
+    all.shuffle(&mut rng);
+    let (left, right) = all.split_at(100);
+    let mut halves = joined(right);
+    halves.join(joined(left));
+    assert_eq!(forwards, halves);
+    let turns = forwards.sensors["/imu"].turns();
+    assert!((PastTurn::MOST / 4..=PastTurn::MOST).contains(&turns.len()) && turns.is_thinned(), "{}", turns.len());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 8, ..ProptestConfig::default() })]
+
+    #[test]
+    fn order_and_grouping_of_turns_change_nothing(seed: u64, cuts in prop::collection::vec(0_usize..6, 0..3)) {
+        static DAYS: OnceLock<Vec<Findings>> = OnceLock::new();
+        let all = DAYS.get_or_init(|| days(randomness().random(), 6, 5, 1e-4));
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let whole = joined(all);
+        let mut shuffled = all.clone();
+        shuffled.shuffle(&mut rng);
+        let mut cuts = cuts;
+        cuts.extend([0, 6]);
+        cuts.sort_unstable();
+        let groups: Vec<_> = cuts.windows(2).map(|cut| joined(&shuffled[cut[0]..cut[1]])).collect();
+        let mut sum = Merge::default();
+        groups.iter().rev().chain(groups.first()).for_each(|group| sum.join(group.clone()));
+        prop_assert_eq!(&sum, &whole);
+        let (one, other) = (only(&whole), only(&sum));
+        prop_assert_eq!(triads(&one.findings)[1].model(), Model::Turns);
+        for (one, other) in triads(&one.findings).into_iter().zip(triads(&other.findings)) {
+            let numbers = |triad: &Triad| [triad.sensitivity.clone(), triad.sensitivity_std.clone()].concat();
+            for (a, b) in numbers(one).into_iter().zip(numbers(other)) {
+                prop_assert!((a - b).abs() <= 1e-9 * a.abs().max(1.0), "{} {}", a, b);
+            }
+        }
+    }
+}
