@@ -3,7 +3,7 @@
 
 use nalgebra::SVector;
 
-use super::random_walk::{Filtered, Visit, Walk, span};
+use super::random_walk::{Filtered, Setting, Visit, Walk, span};
 
 /// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 exceeds it by chance: with two
 /// triads, less than one in ten sensors with a thousand recordings each.
@@ -61,9 +61,11 @@ fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
         })
         .filter(|(_, forward, _)| forward.likelihood.is_finite())
         .collect();
-    let without = runs.iter().map(|(_, forward, _)| forward.likelihood).fold(f64::NEG_INFINITY, f64::max);
+    let likelihood = |(setting, forward, _): &(Setting, Filtered<N>, Filtered<N>)| setting.prior + forward.likelihood;
+    let without = runs.iter().map(likelihood).fold(f64::NEG_INFINITY, f64::max);
     let at = |k: usize| {
-        let of_run = |(setting, forward, backward): &(_, Filtered<N>, Filtered<N>)| {
+        let of_run = |run: &(Setting, Filtered<N>, Filtered<N>)| {
+            let (setting, forward, backward) = run;
             let (before, after) = (forward.states.get(k - 1)?, backward.states.get(k)?);
             let seconds = visits.get(k)?.time - visits.get(k - 1)?.time;
             let covariance = before.covariance + after.covariance + walk.walked(*setting, seconds);
@@ -76,7 +78,7 @@ fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
             let freedom = known.sum::<f64>();
             let std = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
             // Twice the log likelihood ratio of all equations with this jump and setting.
-            let ratio = square + 2.0 * (forward.likelihood - without);
+            let ratio = square + 2.0 * (likelihood(run) - without);
             Some((ratio, freedom, by, std))
         };
         let best = runs.iter().filter_map(of_run).max_by(|a, b| a.0.total_cmp(&b.0))?;

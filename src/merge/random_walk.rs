@@ -2,7 +2,9 @@
 //! 1965).
 //!
 //! Where the parameters may have jumped, the filter begins anew. The scatter of placements (τ) and the speed of the
-//! walk are unknown: everything is computed for a grid of both, and averaged with their likelihoods as weights.
+//! walk are unknown: everything is computed for a grid of both, and averaged with their posterior probabilities as
+//! weights. The prior on the distance walked is half-Cauchy (Gelman, "Prior distributions for variance parameters in
+//! hierarchical models", 2006): flat near zero, so that a slow walk that the recordings hardly show is allowed for.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -34,9 +36,9 @@ pub(super) struct Walk<const N: usize> {
     pub(super) pace: SVector<f64, N>,
     /// Scatters of placements to try (τ).
     pub(super) scatters: Vec<f64>,
-    /// Distances walked over the whole time to try, as standard deviations; the first is zero.
+    /// Distances walked over the whole time to try, as standard deviations, at equal ratios; the first is zero.
     pub(super) distances: Vec<f64>,
-    /// Scale of the prior on the distance; distances far beyond are ever less likely.
+    /// Scale of the prior on the distance.
     pub(super) usual: f64,
 }
 
@@ -47,7 +49,7 @@ pub(super) struct State<const N: usize> {
     pub(super) covariance: SMatrix<f64, N, N>,
 }
 
-/// States after each visit, and the log likelihood of the setting and the equations.
+/// States after each visit, and the log likelihood of the equations.
 #[derive(Clone, Debug)]
 pub(super) struct Filtered<const N: usize> {
     pub(super) states: Vec<State<N>>,
@@ -74,12 +76,23 @@ impl<const N: usize> Walk<N> {
     pub(super) fn settings(&self, seconds: f64) -> Vec<Setting> {
         let of = |&distance: &f64| {
             let speed = if seconds > 0.0 { distance * distance / seconds } else { 0.0 };
-            let far = distance / self.usual;
-            let prior = -libm::log1p(far * far);
+            let prior = self.prior_of(distance);
             self.scatters.iter().map(move |&scatter| Setting { scatter, speed, prior })
         };
         let distances = self.distances.iter().filter(|distance| **distance == 0.0 || seconds > 0.0);
         distances.flat_map(of).collect()
+    }
+
+    /// Logarithm of the prior probability of a distance: zero stands for all below the least.
+    fn prior_of(&self, distance: f64) -> f64 {
+        let (least, next) = (self.distances.get(1), self.distances.get(2));
+        let Some((&least, &next)) = least.zip(next) else { return 0.0 };
+        let step = libm::log(next / least);
+        let far = distance / self.usual;
+        match distance > 0.0 {
+            true => libm::log(far * step) - libm::log1p(far * far),
+            false => libm::log(least / self.usual),
+        }
     }
 
     /// Covariance that the walk adds in so many seconds.
@@ -94,7 +107,7 @@ impl<const N: usize> Walk<N> {
         setting: Setting,
     ) -> Filtered<N> {
         let mut state = self.unknown();
-        let (mut states, mut likelihood, mut before) = (Vec::new(), setting.prior, None);
+        let (mut states, mut likelihood, mut before) = (Vec::new(), 0.0, None);
         for (visit, anew) in visits {
             if anew {
                 state = self.unknown();
@@ -143,8 +156,9 @@ impl<const N: usize> Walk<N> {
             of.map(|(_, smoothed)| smoothed.likelihood).fold(f64::NEG_INFINITY, f64::max)
         };
         let (still, walking) = (best(false), best(true));
-        let top = still.max(walking);
-        let weights: Vec<_> = smoothed.iter().map(|(_, smoothed)| libm::exp(smoothed.likelihood - top)).collect();
+        let posterior = |(setting, smoothed): &(Setting, Filtered<N>)| setting.prior + smoothed.likelihood;
+        let top = smoothed.iter().map(posterior).fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<_> = smoothed.iter().map(|one| libm::exp(posterior(one) - top)).collect();
         let total: f64 = weights.iter().sum();
         let of_visit = |k: usize| {
             let states = || {

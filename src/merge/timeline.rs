@@ -4,8 +4,8 @@
 use nalgebra::{SVector, Vector3};
 
 use super::change_points::{Jump, jumps};
-use super::random_walk::{Equation, State, Visit, Walk, span};
 use super::past_rest::PastRest;
+use super::random_walk::{Equation, State, Visit, Walk, span};
 use crate::engine;
 use crate::fit::{Calibration, Parameterisation, Term};
 
@@ -146,8 +146,8 @@ fn of_accelerometer(config: &engine::Config, gravity: f64) -> Walk<UNKNOWNS> {
         start: SVector::from_iterator(start.iter().copied()),
         prior,
         pace,
-        scatters: [0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0].map(|share| share * config.fit.placement_std).to_vec(),
-        distances: vec![0.0, 0.002, 0.006, 0.02, 0.06, 0.2, 0.6],
+        scatters: ratios(0.05, 3.0).map(|share| share * config.fit.placement_std).collect(),
+        distances: distances(0.002, 0.8),
         usual: 0.05,
     }
 }
@@ -158,10 +158,22 @@ fn of_gyroscope(config: &engine::Config) -> Walk<3> {
         start: Vector3::zeros(),
         prior: Vector3::repeat(0.1),
         pace: Vector3::repeat(1.0),
-        scatters: [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0].map(|share| share * config.fit.rate_std).to_vec(),
-        distances: vec![0.0, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2],
+        scatters: ratios(0.01, 3.0).map(|share| share * config.fit.rate_std).collect(),
+        distances: distances(1e-5, 3e-2),
         usual: 2e-3,
     }
+}
+
+/// Numbers between two at equal ratios, so close that the walk of a number in between reads like that of its neighbour.
+fn ratios(least: f64, most: f64) -> impl Iterator<Item = f64> {
+    /// Ratio of neighbours.
+    const RATIO: f64 = 1.8;
+    let count = libm::ceil(libm::log(most / least) / libm::log(RATIO)) as i32;
+    (0..=count).map(move |k| least * libm::pow(most / least, f64::from(k) / f64::from(count.max(1))))
+}
+
+fn distances(least: f64, most: f64) -> Vec<f64> {
+    std::iter::once(0.0).chain(ratios(least, most)).collect()
 }
 
 /// ‖S⁻¹(m − b)‖ = g, linearised.

@@ -2,7 +2,7 @@
 //! every second sensor takes a shock, and placements scatter as the fit assumes, or otherwise.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 use rand::seq::{IndexedRandom as _, SliceRandom as _};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -64,8 +64,47 @@ pub struct Outcome {
     pub merged: Merged,
     /// Truth after the last recording.
     pub truth: Truth,
+    /// Least standard deviations of any estimate of the accelerometer's bias and scale, and of the gyroscope's bias.
+    pub bound: [[f64; 3]; 3],
     /// Day of the shock.
     pub shock: Option<i64>,
+}
+
+/// Error of a number, its standard deviation as published, and the least that any estimate has.
+#[derive(Clone, Copy, Debug)]
+pub struct Error {
+    pub error: f64,
+    pub std: f64,
+    pub bound: f64,
+}
+
+/// Counts over errors.
+#[derive(Clone, Copy, Debug)]
+pub struct Score {
+    /// Share inside of the 95 % intervals.
+    pub covered: f64,
+    /// Root mean square of the errors over their bounds.
+    pub over_bound: f64,
+}
+
+impl Score {
+    pub fn of(errors: impl Iterator<Item = Error>) -> Self {
+        let (mut count, mut inside, mut squares) = (0.0, 0.0, 0.0);
+        for Error { error, std, bound } in errors {
+            count += 1.0;
+            inside += f64::from(error.abs() <= 1.96 * std);
+            squares += (error / bound).powi(2);
+        }
+        Self { covered: inside / count, over_bound: (squares / count).sqrt() }
+    }
+}
+
+/// Cramér–Rao bound: covariance of an estimator that knows scatter, drift, and the day of a shock. Bias and scale of the
+/// accelerometer, lean of its axes, and the offset that one recording has in common; bias and offset of the gyroscope.
+struct Bound {
+    accelerometer: SMatrix<f64, 12, 12>,
+    gyroscope: SMatrix<f64, 6, 6>,
+    population: Population,
 }
 
 pub fn normal(rng: &mut impl Rng) -> Vector3<f64> {
@@ -86,10 +125,10 @@ impl Truth {
 
     /// Truth after a day of so many.
     pub fn drift(&mut self, rng: &mut impl Rng, population: &Population) {
-        let days = (population.recordings as f64).sqrt();
-        self.bias += normal(rng) * (population.drift / days);
-        self.scale += normal(rng) * (SCALE * population.drift / GRAVITY / days);
-        self.gyro += normal(rng) * (RATE_SCATTER * population.drift / SCATTER / 2.0 / days);
+        let [bias, scale, gyro] = population.steps();
+        self.bias += normal(rng) * bias;
+        self.scale += normal(rng) * scale;
+        self.gyro += normal(rng) * gyro;
     }
 
     /// Reading of a rest on a face (axis and sign); `common` is the part of the scatter of its recording.
@@ -106,7 +145,7 @@ impl Truth {
         let own = population.scatter * (1.0 - population.common).sqrt();
         let force = up.normalize() * GRAVITY + common[0] + normal(rng) * (SCATTER * own);
         let accel = self.bias + self.scale.component_mul(&force) + normal(rng) * 0.001;
-        let gyro = self.gyro + common[1] + normal(rng) * (RATE_SCATTER * own);
+        let gyro = self.gyro + common[1] + normal(rng) * (RATE_SCATTER * own) + normal(rng) * 5e-5;
         let mean = |sensor: &str, mean: Vector3<f64>, std: f64| TriadMean {
             sensor: sensor.to_owned(),
             samples: 400,
@@ -147,14 +186,96 @@ impl Truth {
     }
 }
 
+impl Bound {
+    fn new(population: Population) -> Self {
+        let prior = SVector::from_fn(|i, _| [2.0_f64, 0.1, 0.015, 0.0][i / 3].powi(2));
+        let gyroscope = SVector::from_fn(|i, _| [0.1_f64, 0.0][i / 3].powi(2));
+        Self {
+            accelerometer: SMatrix::from_diagonal(&prior),
+            gyroscope: SMatrix::from_diagonal(&gyroscope),
+            population,
+        }
+    }
+
+    fn shake(&mut self) {
+        for axis in 0..3 {
+            self.accelerometer[(axis, axis)] += 4.0;
+            self.gyroscope[(axis, axis)] += 0.01;
+        }
+    }
+
+    fn drift(&mut self) {
+        let [bias, scale, rate] = self.population.steps().map(|step| step * step);
+        for axis in 0..3 {
+            self.accelerometer[(axis, axis)] += bias;
+            self.accelerometer[(3 + axis, 3 + axis)] += scale;
+            self.gyroscope[(axis, axis)] += rate;
+        }
+    }
+
+    fn learn(&mut self, findings: &Findings, truth: &Truth) {
+        let Population { scatter, common, .. } = self.population;
+        let [force, rate] = [SCATTER, RATE_SCATTER].map(|one| (one * scatter).powi(2));
+        // The offset is another in every recording.
+        for axis in 0..3 {
+            for other in 0..12 {
+                self.accelerometer[(9 + axis, other)] = 0.0;
+                self.accelerometer[(other, 9 + axis)] = 0.0;
+            }
+            for other in 0..6 {
+                self.gyroscope[(3 + axis, other)] = 0.0;
+                self.gyroscope[(other, 3 + axis)] = 0.0;
+            }
+            self.accelerometer[(9 + axis, 9 + axis)] = force * common;
+            self.gyroscope[(3 + axis, 3 + axis)] = rate * common;
+        }
+        for rest in findings.rests.values() {
+            let mean = rest.means[0].mean.as_ref().unwrap();
+            let force_seen = (Vector3::new(mean.x, mean.y, mean.z) - truth.bias).component_div(&truth.scale);
+            let up = force_seen.normalize();
+            let mut by = SVector::<f64, 12>::zeros();
+            for axis in 0..3 {
+                by[axis] = up[axis];
+                by[3 + axis] = up[axis] * force_seen[axis];
+                by[9 + axis] = up[axis];
+            }
+            for (place, (row, column)) in [(1, 0), (2, 0), (2, 1)].into_iter().enumerate() {
+                by[6 + place] = up[row] * force_seen[column];
+            }
+            update(&mut self.accelerometer, &by, force * (1.0 - common) + 0.001 * 0.001);
+            for axis in 0..3 {
+                let by = SVector::<f64, 6>::from_fn(|i, _| f64::from(i % 3 == axis));
+                update(&mut self.gyroscope, &by, rate * (1.0 - common) + 5e-5 * 5e-5);
+            }
+        }
+    }
+
+    fn stds(&self) -> [[f64; 3]; 3] {
+        let of = |first: usize| [0, 1, 2].map(|axis| self.accelerometer[(first + axis, first + axis)].sqrt());
+        [of(0), of(3), [0, 1, 2].map(|axis| self.gyroscope[(axis, axis)].sqrt())]
+    }
+}
+
+/// Covariance after an equation with an error of this variance.
+fn update<const N: usize>(covariance: &mut SMatrix<f64, N, N>, by: &SVector<f64, N>, variance: f64) {
+    let along = *covariance * by;
+    *covariance -= along * along.transpose() / (by.dot(&along) + variance);
+}
+
 impl Population {
+    /// Steps of a day: bias and scale of the accelerometer, bias of the gyroscope.
+    fn steps(&self) -> [f64; 3] {
+        let days = (self.recordings as f64).sqrt();
+        [self.drift, SCALE * self.drift / GRAVITY, RATE_SCATTER * self.drift / SCATTER / 2.0].map(|way| way / days)
+    }
+
     /// What becomes of one of its sensors; those with an even seed take a shock.
     pub fn sensor(&self, seed: u64) -> Outcome {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut truth = Truth::new(&mut rng);
         let shaken = seed.is_multiple_of(2) && self.shock[1] > 0.0;
         let shock = shaken.then(|| rng.random_range(self.recordings / 5..self.recordings * 5 / 8));
-        let mut merge = Merge::default();
+        let (mut merge, mut bound) = (Merge::default(), Bound::new(*self));
         for day in 0..self.recordings {
             if shock == Some(day) {
                 let mut by = |scatter: f64| {
@@ -163,34 +284,41 @@ impl Population {
                 };
                 truth.bias += by(SCATTER);
                 truth.gyro += by(RATE_SCATTER);
+                bound.shake();
             }
             let faces = rng.random_range(self.faces[0]..=self.faces[1]);
-            merge.join(Merge::of("/imu", &truth.recording_of(&mut rng, day * DAY, faces, self)));
+            let recording = truth.recording_of(&mut rng, day * DAY, faces, self);
+            bound.learn(&recording, &truth);
+            merge.join(Merge::of("/imu", &recording));
             if day + 1 < self.recordings {
                 truth.drift(&mut rng, self);
+                bound.drift();
             }
         }
         let mut merged = outcome(&merge, &config());
         assert_eq!(merged.len(), 1);
-        Outcome { merged: merged.pop().unwrap(), truth, shock }
+        Outcome { merged: merged.pop().unwrap(), truth, bound: bound.stds(), shock }
     }
 }
 
 impl Outcome {
-    /// Errors of the accelerometer's bias, of its scale, and of the gyroscope's bias, over their standard deviations;
-    /// `None` without a calibration.
-    pub fn scores(&self) -> Option<[[f64; 3]; 3]> {
+    /// Errors of the accelerometer's bias, of its scale, and of the gyroscope's bias, each with its standard deviation
+    /// and the least one; `None` without a calibration.
+    pub fn errors(&self) -> Option<[[Error; 3]; 3]> {
         let calibration = self.merged.findings.calibration.as_ref()?;
         let (accelerometer, gyroscope) = (calibration.accelerometer.as_ref()?, calibration.gyroscope.as_ref()?);
         let list = |v: &Option<messages::Vector3>| v.as_ref().map(|v| [v.x, v.y, v.z]);
-        let score = |value: &Option<messages::Vector3>, std: &Option<messages::Vector3>, truth: &Vector3<f64>| {
+        let of = |value: &Option<messages::Vector3>,
+                  std: &Option<messages::Vector3>,
+                  truth: &Vector3<f64>,
+                  bound: [f64; 3]| {
             let (value, std) = (list(value)?, list(std)?);
-            Some([0, 1, 2].map(|axis| (value[axis] - truth[axis]) / std[axis]))
+            Some([0, 1, 2].map(|i| Error { error: value[i] - truth[i], std: std[i], bound: bound[i] }))
         };
         Some([
-            score(&accelerometer.bias, &accelerometer.bias_std, &self.truth.bias)?,
-            score(&accelerometer.scale, &accelerometer.scale_std, &self.truth.scale)?,
-            score(&gyroscope.bias, &gyroscope.bias_std, &self.truth.gyro)?,
+            of(&accelerometer.bias, &accelerometer.bias_std, &self.truth.bias, self.bound[0])?,
+            of(&accelerometer.scale, &accelerometer.scale_std, &self.truth.scale, self.bound[1])?,
+            of(&gyroscope.bias, &gyroscope.bias_std, &self.truth.gyro, self.bound[2])?,
         ])
     }
 

@@ -11,9 +11,16 @@
 //! 4. What is called CONFIRMED in sessions in which something goes wrong (see `status`). Target: confirmed and wrong in at
 //!    most 0.5 %, honest sessions confirmed in 95 %. Alone, a few seeds, rows by a part of their name:
 //!    `-- --only status --seeds 40 --row bump`.
+//! 5. Fleets, none of whose recordings suffices (see `common/fleet.rs`): merged, the error over its Cramér–Rao bound,
+//!    coverage, and which shocks were found. Target of the first row, a fleet as the model assumes: 95 % of sensors
+//!    calibrated, a ratio of at most 1.15, 93 % to 97 %, 95 % of the shocks within a recording, one false alarm in 1,000
+//!    recordings. The other rows show how these depend on drift, scatter and faces: `-- --only merged --row drift`.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 mod bound;
+#[path = "../../common/fleet.rs"]
+mod fleet;
+mod merged;
 mod population;
 mod rich;
 mod status;
@@ -53,6 +60,7 @@ fn main() -> ExitCode {
         !wanted("coverage") || coverage(of(4 * seeds)),
         !wanted("rich") || rich(of(seeds)),
         !wanted("status") || statuses(of(seeds), &part),
+        !wanted("merged") || merged::fleets(of(seeds), &part),
     ];
     // Of a few seeds nothing is expected but that they run.
     if full && met.contains(&false) { ExitCode::FAILURE } else { ExitCode::SUCCESS }
