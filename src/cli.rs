@@ -399,8 +399,8 @@ pub struct Merge {
     /// A file that lists further recordings, one a line; - for standard input
     #[arg(long, value_name = "FILE")]
     pub inputs_from: Option<PathBuf>,
-    /// What tells sensors apart: topic, name, frame-id, or folder (that the recording is in); several, separated by commas,
-    /// together
+    /// What tells sensors apart: topic, name, frame-id, folder (that the recording is in), serial, or metadata:KEY (an entry of
+    /// the metadata of the IMU's channel, of which serial is one); several, separated by commas, together
     #[arg(long, value_name = "KEY", default_value = "topic")]
     pub by: String,
     /// What to write [default: a report on the terminal]

@@ -51,7 +51,7 @@ fn recordings_none_of_which_suffices_are_a_calibration_together() {
     // What tells sensors apart.
     let two = folder.say("merge 0.mcap 1.mcap --by topic,frame-id --json").ok().json();
     assert_eq!(two["imus"].as_array().unwrap().len(), 1);
-    folder.refuses("merge 0.mcap --by colour", 2, &["colour", "topic, name, frame-id, folder"]);
+    folder.refuses("merge 0.mcap --by colour", 2, &["colour", "topic, name, frame-id, folder, serial, metadata:KEY"]);
     assert_eq!(folder.say("merge 0.mcap --require-calibration --json").code, 4);
 }
 
@@ -72,6 +72,41 @@ fn one_annotated_recording_alone_is_merged_to_what_its_export_says() {
         }
     }
     assert!(merged["imus"][0]["history"]["turns"].as_u64().unwrap() >= 6, "{merged}");
+}
+
+/// The recording with its channels labelled by their recorder.
+fn labelled(bytes: &[u8], topic: &str, serial: &str) -> Vec<u8> {
+    let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    for message in mcap::MessageStream::new(bytes).unwrap() {
+        let mut message = message.unwrap();
+        let mut channel = (*message.channel).clone();
+        channel.topic = channel.topic.replace("/imu/data_raw", topic);
+        channel.metadata.insert("serial".to_owned(), serial.to_owned());
+        message.channel = std::sync::Arc::new(channel);
+        writer.write(&message).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+#[test]
+fn recordings_of_one_serial_number_are_joined_whatever_their_topic() {
+    let folder = faces();
+    for (day, (topic, serial)) in
+        [("/front/imu", "A7"), ("/rear/imu", "A7"), ("/rear/imu", "B2")].into_iter().enumerate()
+    {
+        let name = format!("{day}.mcap");
+        folder.write(&name, &labelled(&folder.read(&name), topic, serial));
+    }
+    folder.say("annotate 0.mcap").ok();
+    let merged = folder.say("merge 0.annotated.mcap 1.mcap 2.mcap --by serial --json").ok().json();
+    let said = |imu: &Value| (imu["key"].clone(), imu["topic"].clone(), imu["history"]["recordings"].clone());
+    let said: Vec<_> = merged["imus"].as_array().unwrap().iter().map(said).collect();
+    let sensor = |key: &str, recordings: u64| (key.into(), "/rear/imu".into(), recordings.into());
+    assert_eq!(said, [sensor("A7", 2), sensor("B2", 1)]);
+    let same = folder.say("merge 0.annotated.mcap 1.mcap 2.mcap --by metadata:serial --json").ok();
+    assert_eq!(same.json(), merged);
+    folder.refuses("merge 1.mcap --by metadata:vehicle", 1, &["/rear/imu", "vehicle", "it has serial"]);
 }
 
 #[test]

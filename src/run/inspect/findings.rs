@@ -1,5 +1,7 @@
 //! Findings of a recording: read from its annotations where it has some, else learned. Nothing is fitted again.
 
+use std::collections::BTreeMap;
+
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::annotations;
@@ -15,6 +17,8 @@ use crate::run::input::splits::{Input, Read};
 pub struct Found {
     /// Its IMUs.
     pub imus: Vec<Findings>,
+    /// What the recorder noted of the channels of their topics, by topic.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// Its first damage.
     pub damage: Option<Damage>,
     /// Number of damaged places.
@@ -37,13 +41,16 @@ pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Foun
         (found.damage, found.damages) = (first, hidden);
     }
     if found.imus.is_empty() {
-        found.imus = calibrate(input, config, watch)?.imus;
+        let learned = calibrate(input, config, watch)?;
+        let channels = learned.channels.iter().map(|(channel, _)| channel);
+        found.metadata = metadata(&learned.imus, channels.map(|channel| (channel.topic.as_str(), &channel.metadata)));
+        found.imus = learned.imus;
     }
     Ok(found)
 }
 
 fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<Found, Error> {
-    let Found { mut imus, mut damage, mut damages } = Found::default();
+    let Found { mut imus, mut damage, mut damages, .. } = Found::default();
     let mut table = ChannelTable::default();
     input.scan(limits, watch, |read| {
         match read {
@@ -74,5 +81,20 @@ fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<F
         let source = table.iter().filter(|entry| entry.channel.topic == imu.topic).last();
         imu.source_type = source.map(|entry| entry.schema_name().to_owned()).unwrap_or_default();
     }
-    Ok(Found { imus, damage, damages })
+    let channels = table.iter().map(|entry| (entry.channel.topic.as_str(), &entry.channel.metadata));
+    let metadata = metadata(&imus, channels);
+    Ok(Found { imus, metadata, damage, damages })
+}
+
+/// Metadata of the channels on the topics of these IMUs.
+fn metadata<'a>(
+    imus: &[Findings],
+    channels: impl Iterator<Item = (&'a str, &'a BTreeMap<String, String>)>,
+) -> BTreeMap<String, BTreeMap<String, String>> {
+    let mut all: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+    for (topic, entries) in channels.filter(|(topic, _)| imus.iter().any(|imu| imu.topic == *topic)) {
+        let known = all.entry(topic.to_owned()).or_default();
+        known.extend(entries.iter().map(|(key, value)| (key.clone(), value.clone())));
+    }
+    all
 }
