@@ -74,7 +74,7 @@ pub use self::refit::{Motion, Moved, Refitted, gravity, rest_of};
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
 use self::solution::Solution;
-use self::turn_verdict::TurnsTold;
+use self::turn_verdict::{TurnsTold, View};
 pub use self::unit_probe::UnitProbe;
 pub use self::units::{UnitFinding, unconfirmed_unit, unit_of_gravity};
 use crate::Stamp;
@@ -319,7 +319,9 @@ impl Engine {
         }
         let noise = observations::gyroscope_noise(&self.segmenter);
         let (entries, range) = (self.history.entries(), self.gyro_range());
-        let turns = self.turns_told.news(&header, &self.turns, entries, solution, noise, range);
+        let whole_turns = self.config.fit.whole_turns;
+        let view = View { turns: &self.turns, entries, solution, noise, range, whole_turns };
+        let turns = self.turns_told.news(&header, &view);
         events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));

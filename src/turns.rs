@@ -14,11 +14,13 @@ mod preintegrator;
 mod reading;
 mod rotation;
 mod timebase;
+mod whole_turn;
 
 pub use evidence::{Explanation, SeenTurn, angle_between, explain};
 pub use history::{History, Passage};
 pub use leg::{Leg, Turn, Unusable};
 pub use piece::{Candidate, Piece};
-pub use prediction::{Ends, Followed, Motion, Prediction, follow, motion, predict};
+pub use prediction::{Ends, Followed, Motion, Prediction, Vertical, follow, motion, predict, vertical};
 pub use preintegrator::{Limit, Preintegrator, Stretch};
 pub use reading::{AxisOrder, RateScale};
+pub use whole_turn::whole_turn;

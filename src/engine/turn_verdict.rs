@@ -1,6 +1,7 @@
 //! Verdict on each turn between two rests, as it is published.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use super::solution::Solution;
 use crate::Stamp;
 use crate::fit::Calibration;
 use crate::messages::{self, turn::Reason};
-use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict};
+use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict, whole_turn};
 
 /// Verdict on a turn, identified by the rests at its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,16 +31,7 @@ pub(super) struct TurnsTold(BTreeMap<Stamp, TurnVerdict>);
 
 impl TurnsTold {
     /// Messages on the turns whose verdict differs from the published one.
-    pub(super) fn news(
-        &mut self,
-        header: &messages::Header,
-        turns: &History,
-        entries: &[JudgedRest],
-        solution: &Solution,
-        noise: f64,
-        range: Option<f64>,
-    ) -> Vec<messages::Turn> {
-        let view = View { turns, entries, solution, noise, range };
+    pub(super) fn news(&mut self, header: &messages::Header, view: &View<'_>) -> Vec<messages::Turn> {
         let verdicts = view.verdicts();
         self.0.retain(|from, _| verdicts.contains_key(from));
         let mut news = Vec::new();
@@ -62,14 +54,16 @@ impl TurnsTold {
 }
 
 /// Data that the verdicts are based on.
-struct View<'a> {
-    turns: &'a History,
-    entries: &'a [JudgedRest],
-    solution: &'a Solution,
+pub(super) struct View<'a> {
+    pub(super) turns: &'a History,
+    pub(super) entries: &'a [JudgedRest],
+    pub(super) solution: &'a Solution,
     /// Noise of one sample of a gyroscope axis, rad/s.
-    noise: f64,
+    pub(super) noise: f64,
     /// Range of the gyroscope, rad/s.
-    range: Option<f64>,
+    pub(super) range: Option<f64>,
+    /// Whether whole turns of a table are declared to be such.
+    pub(super) whole_turns: bool,
 }
 
 impl<'a> View<'a> {
@@ -144,10 +138,12 @@ impl<'a> View<'a> {
             let up = force.map(|force| up(&accelerometer, &force));
             let rate = |rest: &crate::still::Rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean);
             let ends = Ends { up, rate: [rate(before), rate(after)], by_up: Matrix3::zeros() };
-            follow(&pieces, gyroscope.as_ref(), &ends)
+            (follow(&pieces, gyroscope.as_ref(), &ends), whole_turn(&pieces, &ends))
         });
         let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
-        let followed = followed.filter(|_| whole);
+        let (followed, on_table) = followed.filter(|_| whole).unzip();
+        let on_table: Option<f64> = on_table.flatten();
+        let declared = on_table.filter(|_| self.whole_turns);
         let (start, end) = turn.span();
         let motion = followed.as_ref().map(|(motion, _)| motion);
         let judged = !matches!(verdict.reason, Reason::Unrest | Reason::Unreferenced);
@@ -159,12 +155,15 @@ impl<'a> View<'a> {
             residual: followed.as_ref().filter(|_| judged).map(|(_, residual)| *residual),
             used: verdict.used,
             reason: verdict.reason.into(),
-            explanation: verdict.explanation.clone(),
+            explanation: match (on_table.filter(|_| declared.is_none()), motion) {
+                (Some(turned), Some(motion)) => hint(&verdict.explanation, turned, motion.vertical),
+                _ => verdict.explanation.clone(),
+            },
             axis: motion.map(|motion| vector(&motion.axis)),
             path: turn.path(),
             vertical: motion.map(|motion| motion.vertical),
-            declared: None,
-            declared_residual: None,
+            declared,
+            declared_residual: declared.zip(motion).map(|(declared, motion)| motion.vertical - declared),
             before: before.map_or(0, |rest| rest.placement),
             after: after.map_or(0, |rest| rest.placement),
             seconds: turn.seconds(),
@@ -172,6 +171,17 @@ impl<'a> View<'a> {
             integrals: if whole { pieces.iter().flat_map(integrals).collect() } else { Vec::new() },
         }
     }
+}
+
+/// Explanation of a turn that may have been whole turns of a table, beside what else there is to say.
+fn hint(explanation: &str, whole: f64, seen: f64) -> String {
+    let turns = match (whole / TAU).abs().round() {
+        1.0 => "one whole turn".to_owned(),
+        turns => format!("{turns} whole turns"),
+    };
+    let seen = seen.to_degrees();
+    let hint = format!("{seen:.1}° about the vertical; if it was {turns} of a table, fit.whole_turns = true uses it");
+    if explanation.is_empty() { hint } else { format!("{explanation}; {hint}") }
 }
 
 /// Direction of specific force, unit vector.

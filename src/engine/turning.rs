@@ -25,9 +25,12 @@ pub(super) fn fit(
     accelerometer: &Estimate,
 ) -> Option<Turning> {
     let noise = observations::gyroscope_noise(judge.segmenter);
-    let (session, unusable) = session(givens, entries, noise);
+    let (mut session, unusable) = session(givens, entries, noise);
     if session.turns.is_empty() && unusable.is_empty() {
         return None;
+    }
+    if judge.fit.whole_turns {
+        session.declare_whole_turns(&accelerometer.calibration());
     }
     let scatter = accelerometer.placement_std.first().copied().unwrap_or(judge.fit.placement_std);
     let found = turn_fit::fit(&session, accelerometer, scatter.max(MIN_SCATTER));
@@ -139,6 +142,7 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (TurnSess
             seconds: turn.seconds(),
             path: turn.path(),
             roughness: turn.roughness(),
+            declared: None,
         });
     }
     for turn in givens.past_turns {

@@ -38,6 +38,9 @@ pub struct Config {
     /// Largest error of a corrected reading in any direction, at 95 %, with which a model that needs no faces is
     /// believed, m/s².
     pub max_error: f64,
+    /// Whether each turn between two rests that looks like whole turns of a table was exactly that, ± 0.5°: it shows the
+    /// gyroscope's scale about the vertical, as no other turn does.
+    pub whole_turns: bool,
     /// Loss function of the residuals.
     pub loss: Loss,
     /// Trigger of a refit.
@@ -65,6 +68,7 @@ impl Default for Config {
             cross_axis_std: 0.01,
             nonlinearity: 0.0,
             max_error: 0.1,
+            whole_turns: false,
             loss: Loss::Square,
             refit: Refit::Segment,
             half_life_s: None,

@@ -1,7 +1,7 @@
 //! Prediction of the direction of gravity after a turn, from that before and a candidate for the gyroscope's
 //! sensitivity.
 
-use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::piece::{Candidate, Piece};
 use super::rotation::{exp_and_right_jacobian, seen_after};
@@ -139,17 +139,54 @@ pub fn motion<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &C
     Motion { angle, axis: axis.into_inner(), vertical }
 }
 
+/// Rotation about the vertical along a turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertical {
+    /// Counterclockwise seen from above, whole turns counted, rad.
+    pub angle: f64,
+    /// Derivatives with respect to the entries of C, row by row.
+    pub by_inverse: SVector<f64, 9>,
+    /// Derivatives with respect to a rate that is added all along, s.
+    pub by_rate: Vector3<f64>,
+}
+
+/// Adds up the rotation about the vertical.
+pub fn vertical<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: &Candidate, ends: &Ends) -> Vertical {
+    let mut up = ends.up[0];
+    let mut found = Vertical { angle: 0.0, by_inverse: SVector::zeros(), by_rate: Vector3::zeros() };
+    for piece in unbiased(pieces, ends) {
+        let turn = piece.rotation(candidate);
+        found.angle += turn.dot(&up);
+        found.by_rate += candidate.inverse().tr_mul(&up) * piece.seconds;
+        let coning = up.dot(&piece.coning);
+        for (entry, by) in found.by_inverse.iter_mut().enumerate() {
+            let (row, column) = (entry / 3, entry % 3);
+            *by += up[row] * piece.angle[column] - up[column] * piece.coning[row];
+            if row == column {
+                *by += coning;
+            }
+        }
+        up = seen_after(&turn, &up);
+    }
+    found
+}
+
 /// Rotation vectors of the pieces, less the mean rates at the ends, rad.
 fn rotations<'a>(
     pieces: impl Iterator<Item = &'a Piece> + Clone,
     candidate: &Candidate,
     ends: &Ends,
 ) -> impl Iterator<Item = Vector3<f64>> {
+    unbiased(pieces, ends).map(|piece| piece.rotation(candidate))
+}
+
+/// The pieces, less the mean rates at the ends.
+fn unbiased<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, ends: &Ends) -> impl Iterator<Item = Piece> {
     let total: f64 = pieces.clone().map(|piece| piece.seconds).sum::<f64>().max(f64::MIN_POSITIVE);
     let mut since = 0.0;
     pieces.map(move |piece| {
         let share = (since + piece.seconds / 2.0) / total;
         since += piece.seconds;
-        piece.without(&(ends.rate[0] * (1.0 - share) + ends.rate[1] * share)).rotation(candidate)
+        piece.without(&(ends.rate[0] * (1.0 - share) + ends.rate[1] * share))
     })
 }

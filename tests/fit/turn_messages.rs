@@ -1,7 +1,7 @@
 //! Turns as they are published: each once its second rest ended, and again when it is judged otherwise.
 
 use std::collections::BTreeMap;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Matrix3, Vector3};
 use stillpoint::engine::{Config, Engine, Event, Message};
@@ -16,7 +16,11 @@ use crate::hand::{self, Hand, Held};
 use rand::RngExt as _;
 
 fn events(hand: &Hand) -> Vec<Event> {
-    let fit = fit::Config { gravity: Some(hand::G), ..fit::Config::default() };
+    events_with(hand, fit::Config::default())
+}
+
+fn events_with(hand: &Hand, fit: fit::Config) -> Vec<Event> {
+    let fit = fit::Config { gravity: Some(hand::G), ..fit };
     let mut engine = Engine::new(Config { fit, ..Config::default() });
     let mut events = Vec::new();
     hand.samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
@@ -72,6 +76,28 @@ fn a_table_turned_whole_turns_about_the_vertical_says_so_with_its_sign() {
         assert!((turns[0].vertical.unwrap() - expected).abs() < 0.02, "{:?}", turns[0]);
         let folded = expected.abs() % (2.0 * PI);
         assert!((turns[0].angle - folded.min(2.0 * PI - folded)).abs() < 0.02, "{:?}", turns[0]);
+    }
+}
+
+#[test]
+fn a_whole_turn_of_a_table_is_hinted_at_and_its_rest_is_told_once_it_is_declared() {
+    let held = Held { wobble: 0.0, gyro_sensitivity: Matrix3::identity() * 1.02, ..Held::default() };
+    let table = |turned: f64| Hand::new(held.clone(), 7).rest(3.0).turn(Vector3::z() * turned, 4.0).rest(3.0);
+    let declaring = fit::Config { whole_turns: true, ..fit::Config::default() };
+    for whole in [TAU, -2.0 * TAU] {
+        let open = &turns(&events(&table(whole)))[0];
+        assert_eq!((open.declared, open.declared_residual), (None, None));
+        assert!(open.explanation.contains("fit.whole_turns = true"), "{}", open.explanation);
+        let declared = &turns(&events_with(&table(whole), declaring.clone()))[0];
+        assert!((declared.declared.unwrap() - whole).abs() < 1e-9, "{declared:?}");
+        assert!((declared.declared_residual.unwrap() - 0.02 * whole).abs() < 0.02, "{declared:?}");
+        assert!(!declared.explanation.contains("whole_turns"), "{}", declared.explanation);
+    }
+    // Neither half a turn nor one over an edge.
+    let over = Hand::new(held.clone(), 7).rest(3.0).turn(Vector3::x() * TAU, 4.0).rest(3.0);
+    for other in [table(0.5 * TAU), over] {
+        let turn = &turns(&events_with(&other, declaring.clone()))[0];
+        assert_eq!(turn.declared, None, "{turn:?}");
     }
 }
 

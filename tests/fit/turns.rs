@@ -1,6 +1,6 @@
 //! Turns between rests: what is integrated, what is remembered, and what it says of a sensor.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use crate::hand::{self, Hand, Held};
 use nalgebra::{Matrix3, Vector3};
@@ -13,7 +13,7 @@ use stillpoint::imu::Sensor;
 use stillpoint::messages::Triad;
 use stillpoint::messages::triad::Model;
 use stillpoint::still::{self, Outcome, Rest, Segmenter};
-use stillpoint::turns::{Candidate, Ends, History, Limit, Piece, Preintegrator, predict};
+use stillpoint::turns::{Candidate, Ends, History, Limit, Piece, Preintegrator, predict, vertical};
 
 /// A rate that wanders smoothly, rad/s.
 #[derive(Clone, Debug)]
@@ -286,9 +286,41 @@ fn what_disqualifies_a_turn_is_said() {
     assert_eq!(reason(&slow, None), Some(Unusable::TooLong));
 }
 
+#[test]
+fn a_rotation_about_the_vertical_moves_with_the_scale_along_it() {
+    let hand = Hand::new(Held { wobble: 0.0, ..Held::default() }, 2);
+    let hand = hand.rest(3.0).turn_up(Vector3::new(0.6, 0.0, 0.8), 1.5).rest(3.0);
+    let up = hand.up();
+    let (history, rests) = followed(&hand.turn(up * TAU, 4.0).rest(3.0));
+    let ends = [&rests[1], &rests[2]].map(|rest| rest.start);
+    let turn = history.turns(|start| ends.contains(&start)).pop().unwrap();
+    let (pieces, rate) = (turn.pieces(), rests[1].gyroscope.as_ref().unwrap().mean);
+    let at = |matrix: Matrix3<f64>, rate: Vector3<f64>| {
+        let ends = Ends { up: [up; 2], rate: [rate; 2], by_up: Matrix3::zeros() };
+        vertical(pieces.iter(), &Candidate::of_inverse(matrix), &ends)
+    };
+    let (one, step) = (Matrix3::identity(), 1e-6);
+    let here = at(one, rate);
+    assert!((here.angle - TAU).abs() < 2e-3, "{}", here.angle);
+    for k in 0..9 {
+        let mut moved = one;
+        moved[(k / 3, k % 3)] += step;
+        let by = (at(moved, rate).angle - here.angle) / step;
+        assert!((by - here.by_inverse[k]).abs() < 0.03, "{k}: {by} {}", here.by_inverse[k]);
+    }
+    for axis in 0..3 {
+        let by = (at(one, rate - Vector3::ith(axis, step)).angle - here.angle) / step;
+        assert!((by - here.by_rate[axis]).abs() < 0.03, "{axis}: {by} {}", here.by_rate[axis]);
+    }
+}
+
 /// What an engine makes of it: accelerometer and gyroscope.
 fn learned(hand: &Hand) -> (Triad, Triad) {
-    let fit = fit::Config { gravity: Some(hand::G), ..fit::Config::default() };
+    learned_with(hand, fit::Config::default())
+}
+
+fn learned_with(hand: &Hand, fit: fit::Config) -> (Triad, Triad) {
+    let fit = fit::Config { gravity: Some(hand::G), ..fit };
     let mut engine = Engine::new(Config { fit, ..Config::default() });
     let mut events = Vec::new();
     hand.samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
@@ -373,6 +405,30 @@ fn turns_about_the_vertical_claim_no_scale() {
     assert_ne!(accelerometer.model(), Model::None);
     assert!(gyroscope.sensitivity.is_empty() && gyroscope.bias.is_some());
     assert!(gyroscope.notes.iter().any(|note| note.contains("vertical")), "{:?}", gyroscope.notes);
+}
+
+#[test]
+fn whole_turns_of_a_table_sharpen_the_gyroscope_once_they_are_declared() {
+    let (mut inside, mut all) = (0, 0);
+    for seed in 0..8 {
+        let held = skewed(seed);
+        let truth = held.gyro_sensitivity;
+        let mut hand = Hand::new(Held { wobble: 0.02, ..held }, seed).rest(3.0).through_faces(24);
+        for (axis, turns) in [(Vector3::x(), 2.0), (Vector3::y(), -1.0), (Vector3::z(), 3.0)] {
+            hand = hand.turn_up(axis, 1.5).rest(3.0);
+            let up = hand.up();
+            hand = hand.turn(up * (turns * TAU), 4.0 * turns.abs()).rest(3.0);
+        }
+        let (_, before) = learned(&hand);
+        let (_, after) = learned_with(&hand, fit::Config { whole_turns: true, ..fit::Config::default() });
+        assert_eq!((before.model(), after.model()), (Model::Turns, Model::Turns), "{seed}: {:?}", after.notes);
+        let widest = |triad: &Triad| [0, 4, 8].map(|k| triad.sensitivity_std[k]).into_iter().fold(0.0, f64::max);
+        assert!(widest(&after) <= widest(&before), "{seed}: {} {}", widest(&after), widest(&before));
+        let (good, worst) = within(&after, &truth);
+        assert!(worst < 6.0, "{seed}: {worst} {:?} {truth}", after.sensitivity);
+        (inside, all) = (inside + good, all + 9);
+    }
+    assert!(100 * inside > 85 * all, "{inside} of {all}");
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Rests and turns as the fit takes them.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::calibration::Calibration;
-use crate::turns::Piece;
+use crate::turns::{Ends, Piece, whole_turn};
 
 /// Readings of the sensors at a rest.
 #[derive(Clone, Debug)]
@@ -33,6 +33,8 @@ pub struct TurnSeen {
     pub path: f64,
     /// Variance of its angle about an axis from motion faster than the samples, rad².
     pub roughness: f64,
+    /// Rotation about the vertical that it is declared to be, counterclockwise seen from above, rad.
+    pub declared: Option<f64>,
 }
 
 /// Rests and the turns between them, both in order of time.
@@ -47,6 +49,16 @@ pub struct TurnSession {
 }
 
 impl TurnSession {
+    /// Declares the turns that look like whole turns of a table to be such.
+    pub fn declare_whole_turns(&mut self, accelerometer: &Calibration) {
+        for at in 0..self.turns.len() {
+            let turn = &self.turns[at];
+            let rate = turn.rests.map(|rest| self.rests.get(rest).map_or(Vector3::zeros(), |rest| rest.rate));
+            let ends = Ends { up: self.ups(turn, accelerometer), rate, by_up: Matrix3::zeros() };
+            self.turns[at].declared = whole_turn(&turn.pieces, &ends);
+        }
+    }
+
     /// Directions of specific force before and after a turn.
     pub(super) fn ups(&self, turn: &TurnSeen, calibration: &Calibration) -> [Vector3<f64>; 2] {
         let at = |end: usize| {

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::equations::{DATASHEET, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
+use super::equations::{DATASHEET, Declared, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
 use super::g_sensitivity::GSensitivity;
 use super::information::{OffDiagonals, Told};
 use super::session::TurnSession;
@@ -47,6 +47,7 @@ pub(super) struct TurnSolution<'a> {
     at: TurnRow,
     kept: Vec<bool>,
     equations: Vec<Equations>,
+    declared: Vec<Declared>,
     level: Level,
 }
 
@@ -62,9 +63,10 @@ impl<'a> TurnSolution<'a> {
         const NEAR: f64 = 3e-4;
         let mut at = TurnRow::zeros();
         at.fixed_rows_mut::<9>(9).copy_from(&given.mean);
-        let mut found = Self { given, at, kept: kept.to_vec(), equations: Vec::new(), level: AS_ASSUMED };
+        let mut found =
+            Self { given, at, kept: kept.to_vec(), equations: Vec::new(), declared: Vec::new(), level: AS_ASSUMED };
         for round in 0..ROUNDS {
-            found.equations = linearise(session, given, by_up, &found.at);
+            (found.equations, found.declared) = linearise(session, given, by_up, &found.at);
             if round == 1 {
                 // By now the residuals do not come from the linearisation.
                 found.level = found.find_level().ok_or(TooLittle::Unsolved)?;
@@ -73,6 +75,9 @@ impl<'a> TurnSolution<'a> {
             found.at += solved.step;
             for equations in &mut found.equations {
                 equations.residual += equations.by * solved.step;
+            }
+            for declared in &mut found.declared {
+                declared.residual += declared.by.dot(&solved.step);
             }
             if round > 0 && solved.step.amax() < NEAR {
                 break;
@@ -157,24 +162,29 @@ impl<'a> TurnSolution<'a> {
         let white = self.whitened(level, without)?;
         let mut information = Square::zeros();
         let mut moment = TurnRow::zeros();
-        for (residual, by) in &white {
-            for (row, residual) in by.row_iter().zip(residual.iter()) {
-                let row = row.transpose();
-                for (mut column, factor) in information.column_iter_mut().zip(row.iter()) {
-                    column.axpy(*factor, &row, 1.0);
-                }
-                moment.axpy(*residual, &row, 1.0);
+        let mut add = |row: &TurnRow, residual: f64| {
+            for (mut column, factor) in information.column_iter_mut().zip(row.iter()) {
+                column.axpy(*factor, row, 1.0);
             }
+            moment.axpy(residual, row, 1.0);
+        };
+        for (residual, by) in &white {
+            by.row_iter().zip(residual.iter()).for_each(|(row, residual)| add(&row.transpose(), *residual));
         }
+        let counts = |turn: usize| self.kept.get(turn).copied().unwrap_or(false) && without != Some(turn);
+        let declared = || self.declared.iter().filter(|declared| counts(declared.turn));
+        declared().for_each(|declared| add(&declared.by, declared.residual));
         let mut start = TurnRow::zeros();
         start.fixed_rows_mut::<9>(9).copy_from(&self.given.mean);
         let factor = (information + self.given.prior).cholesky()?;
         let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
         let covariance = factor.inverse();
-        let squares = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
+        let of_turns: f64 = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
+        let of_declared: f64 = declared().map(|declared| (declared.residual + declared.by.dot(&step)).powi(2)).sum();
+        let seen = (2 * white.len() + declared().count()) as f64;
         // Degrees of freedom that the data determine, not the prior: tr(P I) = n − tr(P Λ).
         let known = UNKNOWNS as f64 - covariance.dot(&self.given.prior);
-        Some(SolvedTurns { step, covariance, squares, freedom: 2.0 * white.len() as f64 - known })
+        Some(SolvedTurns { step, covariance, squares: of_turns + of_declared, freedom: seen - known })
     }
 
     /// Finds the turn without which the others agree, if it deviates beyond chance.
