@@ -7,7 +7,6 @@ mod drift;
 mod envelope;
 mod export;
 mod findings;
-mod html;
 mod import;
 mod json;
 mod layout;

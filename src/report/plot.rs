@@ -5,14 +5,14 @@
 
 use std::fmt::Write as _;
 
-use super::html::escape;
+use maud::{Markup, html};
 
 /// A drawing of values over values.
 pub(super) struct Plot {
     x: Scale,
     y: Scale,
-    svg: String,
-    labels: String,
+    svg: Vec<Markup>,
+    labels: Vec<Markup>,
 }
 
 /// Scale from values to places.
@@ -95,7 +95,7 @@ pub(super) fn moment(seconds: f64) -> String {
 
 impl Plot {
     pub(super) fn new(x: Scale, y: Scale) -> Self {
-        Self { x, y, svg: String::new(), labels: String::new() }
+        Self { x, y, svg: Vec::new(), labels: Vec::new() }
     }
 
     fn px(&self, x: f64) -> f64 {
@@ -110,11 +110,9 @@ impl Plot {
     pub(super) fn band(&mut self, from: f64, until: f64, class: &str, title: &str) {
         let (left, right) = (self.px(from), self.px(until));
         let width = ((right - left).max(1.0) * 10.0).round() / 10.0;
-        let title = escape(title);
-        let _ = write!(
-            self.svg,
-            r#"<rect class="{class}" x="{left}" y="0" width="{width}" height="1000"><title>{title}</title></rect>"#
-        );
+        self.svg.push(html! {
+            rect class=(class) x=(left) y="0" width=(width) height="1000" { title { (title) } }
+        });
     }
 
     /// Start and width of a band, as fractions of the plot's width.
@@ -135,7 +133,8 @@ impl Plot {
         for &(x, low, _) in points.iter().rev() {
             let _ = write!(path, "L{} {}", self.px(x), self.py(low));
         }
-        let _ = write!(self.svg, r#"<path class="area {class}" d="{path}Z"/>"#);
+        path.push('Z');
+        self.svg.push(html! { path class={ "area " (class) } d=(path) {} });
     }
 
     pub(super) fn line(&mut self, points: &[(f64, f64)], class: &str) {
@@ -143,64 +142,66 @@ impl Plot {
         for (i, &(x, y)) in points.iter().enumerate() {
             let _ = write!(path, "{}{} {}", if i == 0 { 'M' } else { 'L' }, self.px(x), self.py(y));
         }
-        let _ = write!(self.svg, r#"<path class="line {class}" d="{path}"/>"#);
+        self.svg.push(html! { path class={ "line " (class) } d=(path) {} });
     }
 
     /// Draws a horizontal line with its name at the right.
     pub(super) fn rule(&mut self, y: f64, class: &str, name: &str) {
         let y = self.py(y);
-        let _ = write!(self.svg, r#"<path class="rule {class}" d="M0 {y}H1000"/>"#);
+        self.svg.push(html! { path class={ "rule " (class) } d={ "M0 " (y) "H1000" } {} });
         if !name.is_empty() {
-            let (top, name) = (y / 10.0, escape(name));
-            let _ = write!(self.labels, r#"<span class="rule-name {class}" style="top:{top}%">{name}</span>"#);
+            let top = y / 10.0;
+            self.labels.push(html! { span class={ "rule-name " (class) } style={ "top:" (top) "%" } { (name) } });
         }
     }
 
     pub(super) fn dot(&mut self, x: f64, y: f64, class: &str, title: &str) {
-        let (x, y, title) = (self.px(x), self.py(y), escape(title));
-        let _ = write!(self.svg, r#"<path class="dot {class}" d="M{x} {y}h0"><title>{title}</title></path>"#);
+        let (x, y) = (self.px(x), self.py(y));
+        self.svg.push(html! { path class={ "dot " (class) } d={ "M" (x) " " (y) "h0" } { title { (title) } } });
     }
 
     pub(super) fn whisker(&mut self, x: f64, low: f64, high: f64, class: &str, title: &str) {
-        let (x, low, high, title) = (self.px(x), self.py(low), self.py(high), escape(title));
-        let _ =
-            write!(self.svg, r#"<path class="whisker {class}" d="M{x} {low}V{high}"><title>{title}</title></path>"#);
+        let (x, low, high) = (self.px(x), self.py(low), self.py(high));
+        self.svg.push(html! {
+            path class={ "whisker " (class) } d={ "M" (x) " " (low) "V" (high) } { title { (title) } }
+        });
     }
 
     /// Writes text at the top, centred at a fraction of the width.
     pub(super) fn tag(&mut self, at: f64, class: &str, text: &str) {
-        let _ =
-            write!(self.labels, r#"<span class="tag {class}" style="left:{:.2}%">{}</span>"#, at * 100.0, escape(text));
+        let left = format!("left:{:.2}%", at * 100.0);
+        self.labels.push(html! { span class={ "tag " (class) } style=(left) { (text) } });
     }
 
     /// The figure, with round values along y, and a clock or `names` along x.
-    pub(super) fn figure(self, size: &str, caption: &str, x: Along<'_>) -> String {
-        let mut grid = String::new();
-        let mut ys = String::new();
-        for (value, name) in self.y.ticks() {
-            let top = self.py(value);
-            if (0.0..=1000.0).contains(&top) {
-                let _ = write!(grid, r#"<path class="grid" d="M0 {top}H1000"/>"#);
-                let _ = write!(ys, r#"<span style="top:{}%">{name}</span>"#, top / 10.0);
-            }
-        }
-        let mut xs = String::new();
+    pub(super) fn figure(self, size: &str, caption: &str, x: Along<'_>) -> Markup {
+        let on_canvas = |(at, _): &(f64, String)| (0.0..=1000.0).contains(at);
+        let ys = self.y.ticks().into_iter().map(|(value, name)| (self.py(value), name));
+        let ys: Vec<_> = ys.filter(on_canvas).collect();
         let (ticks, axis) = match x {
             Along::Clock => (self.x.clock(), "time since the first reading, min:s"),
             Along::Names(names) => (names.to_vec(), "rest"),
         };
-        for (value, name) in ticks {
-            let left = self.px(value);
-            if (0.0..=1000.0).contains(&left) {
-                let _ = write!(grid, r#"<path class="grid" d="M{left} 0V1000"/>"#);
-                let _ = write!(xs, r#"<span style="left:{}%">{}</span>"#, left / 10.0, escape(&name));
+        let xs = ticks.into_iter().map(|(value, name)| (self.px(value), name));
+        let xs: Vec<_> = xs.filter(on_canvas).collect();
+        html! {
+            figure class={ "plot " (size) } {
+                figcaption { (caption) }
+                div.ys { @for (top, name) in &ys { span style={ "top:" (top / 10.0) "%" } { (name) } } }
+                div.canvas {
+                    svg viewBox="0 0 1000 1000" preserveAspectRatio="none" role="img" aria-label=(caption) {
+                        @for (top, _) in &ys { path.grid d={ "M0 " (top) "H1000" } {} }
+                        @for (left, _) in &xs { path.grid d={ "M" (left) " 0V1000" } {} }
+                        @for mark in &self.svg { (mark) }
+                    }
+                    @for label in &self.labels { (label) }
+                }
+                div.xs {
+                    @for (left, name) in &xs { span style={ "left:" (left / 10.0) "%" } { (name) } }
+                    em { (axis) }
+                }
             }
         }
-        let Self { svg, labels, .. } = self;
-        let label = escape(caption);
-        format!(
-            r#"<figure class="plot {size}"><figcaption>{label}</figcaption><div class="ys">{ys}</div><div class="canvas"><svg viewBox="0 0 1000 1000" preserveAspectRatio="none" role="img" aria-label="{label}">{grid}{svg}</svg>{labels}</div><div class="xs">{xs}<em>{axis}</em></div></figure>"#
-        )
     }
 }
 

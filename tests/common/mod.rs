@@ -2,6 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used)]
 
 pub mod needs;
+pub mod page;
 
 #[allow(unused_imports)]
 pub use needs::{case, recording};

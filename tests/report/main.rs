@@ -9,6 +9,7 @@ mod fleet;
 mod hand;
 
 mod exports;
+mod hostile_names;
 mod layout;
 mod merge;
 mod merged_turns;

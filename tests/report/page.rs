@@ -1,6 +1,7 @@
 //! The report: one file that needs nothing else, tells what was annotated, and stays small whatever the recording.
 
 use crate::common::Folder;
+use crate::common::page::{check, pasted};
 use stillpoint::Stamp;
 use stillpoint::engine::{Event, Message};
 use stillpoint::imu::{Sample, Sensor};
@@ -9,26 +10,6 @@ use stillpoint::messages::segment::Reason;
 use stillpoint::messages::triad::{Model, Status};
 use stillpoint::messages::{Calibration, Coverage, Face, Header, Segment, Stillness, Triad, TriadMean, Vector3};
 use stillpoint::report::{Findings, Page, Timeline};
-
-/// Fails unless every element is closed in its turn and nothing is loaded from elsewhere.
-fn check(html: &str) {
-    const VOID: [&str; 3] = ["meta", "!doctype", "wbr"];
-    let mut open = Vec::new();
-    let text = html.replace(html.split("<style>").nth(1).unwrap().split("</style>").next().unwrap(), "");
-    for part in text.split('<').skip(1) {
-        let (tag, _) = part.split_once('>').unwrap_or_else(|| panic!("a tag without end: {part}"));
-        let name = tag.trim_start_matches('/').split([' ', '/']).next().unwrap();
-        match (tag.starts_with('/'), tag.ends_with('/') || VOID.contains(&name)) {
-            (true, _) => assert_eq!(open.pop(), Some(name.to_owned()), "</{name}> closes another"),
-            (_, true) => {}
-            _ => open.push(name.to_owned()),
-        }
-    }
-    assert!(open.is_empty(), "left open: {open:?}");
-    for elsewhere in ["<script", "http:", "https:", "src=", "url(", "@import", "<link", "NaN", "inf\""] {
-        assert!(!html.contains(elsewhere), "{elsewhere}");
-    }
-}
 
 #[test]
 fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
@@ -55,14 +36,6 @@ fn a_recording_its_annotated_copy_and_its_sidecar_tell_the_same() {
     assert!(raw.contains(r#"class="area a0""#) && !sidecar.contains(r#"class="area a0""#));
     assert!(sidecar.contains("A sidecar holds no readings"));
     assert!(raw.len() < 400_000, "{}", raw.len());
-}
-
-/// What stands to be copied under a name.
-fn pasted(html: &str, name: &str) -> String {
-    let block = html.split(&format!("<b>{name}</b><pre>")).nth(1).unwrap().split("</pre>").next().unwrap();
-    [("&quot;", "\""), ("&#39;", "'"), ("&lt;", "<"), ("&gt;", ">"), ("&amp;", "&")]
-        .iter()
-        .fold(block.to_owned(), |text, (escaped, plain)| text.replace(escaped, plain))
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! Convergence of the calibration, refit by refit.
 
-use super::{Imu, section as framed};
+use maud::{Markup, html};
+
+use super::elements;
+use super::imu::Imu;
 use crate::Stamp;
 use crate::messages::{Calibration, Triad, Vector3};
 use crate::report::nanos;
@@ -9,7 +12,7 @@ use crate::report::plot::{Along, Plot, Scale};
 /// Most revisions that are drawn; the last one always is.
 const DRAWN: usize = 120;
 
-pub(super) fn section(imu: &Imu<'_>) -> String {
+pub(super) fn section(imu: &Imu<'_>) -> Option<Markup> {
     let accelerometer = |found: &'_ Calibration| found.accelerometer.clone();
     let gyroscope = |found: &'_ Calibration| found.gyroscope.clone();
     let drawings = [
@@ -17,13 +20,17 @@ pub(super) fn section(imu: &Imu<'_>) -> String {
         settling(imu, "Accelerometer scale", accelerometer, |triad| (triad.scale, triad.scale_std)),
         settling(imu, "Gyroscope bias, rad/s", gyroscope, |triad| (triad.bias, triad.bias_std)),
     ];
-    let drawings: String = drawings.into_iter().flatten().collect();
-    if drawings.is_empty() {
-        return String::new();
+    if drawings.iter().all(Option::is_none) {
+        return None;
     }
-    let text = "<p class=\"dim\">Each refit less the last one, with its 95 % interval: one that grows surer draws nearer to \
-                zero. The scale's interval holds that of gravity, which no further rest makes smaller.</p>";
-    framed("How it settled", &format!("{text}{drawings}"))
+    let content = html! {
+        p.dim {
+            "Each refit less the last one, with its 95 % interval: one that grows surer draws nearer to zero. "
+            "The scale's interval holds that of gravity, which no further rest makes smaller."
+        }
+        @for drawing in drawings.iter().flatten() { (drawing) }
+    };
+    Some(elements::section("How it settled", content))
 }
 
 type Estimate = (Option<Vector3>, Option<Vector3>);
@@ -34,7 +41,7 @@ fn settling(
     caption: &str,
     triad: impl Fn(&Calibration) -> Option<Triad>,
     parameter: impl Fn(Triad) -> Estimate,
-) -> Option<String> {
+) -> Option<Markup> {
     let revisions = &imu.timeline.revisions;
     let step = revisions.len().div_ceil(DRAWN).max(1);
     let point = |found: &Calibration| {
@@ -52,8 +59,7 @@ fn settling(
     let reach = late.flat_map(|(_, _, value, std)| (0..3).map(|i| (value[i] - last[i]).abs() + 1.96 * std[i]));
     let reach = 1.6 * reach.fold(0.0, f64::max);
     // One drawing per axis: overlapping curves cannot be distinguished.
-    let mut figures = String::new();
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+    let figure = |(axis, name): (usize, &str)| {
         let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.02), Scale::linear(-reach, reach, 0.0));
         plot.rule(0.0, "zero", "");
         let class = format!("a{axis}");
@@ -65,9 +71,9 @@ fn settling(
             plot.whisker(*at, y - half, y + half, &class, &title);
             plot.dot(*at, y, &format!("small {class}"), &title);
         }
-        figures += &plot.figure("low", &format!("{caption}: {name}"), Along::Clock);
-    }
-    Some(format!("<div class=\"three\">{figures}</div>"))
+        plot.figure("low", &format!("{caption}: {name}"), Along::Clock)
+    };
+    Some(html! { div.three { @for axis in ["x", "y", "z"].into_iter().enumerate() { (figure(axis)) } } })
 }
 
 fn xyz(v: &Vector3) -> [f64; 3] {

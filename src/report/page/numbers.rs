@@ -1,49 +1,70 @@
 //! The calibration in numbers, with its uncertainty, and its drift since an earlier one.
 
-use std::fmt::Write as _;
+use maud::{Markup, html};
 
-use super::{Imu, escape, list, section as framed};
+use super::elements::{self, axes, notes, table};
+use super::imu::Imu;
 use crate::messages::triad::Status;
 use crate::messages::{Triad, Vector3};
-use crate::report::{Change, Findings, drift, estimate, matrix, model};
+use crate::report::{Change, Drift, Findings, drift, estimate, matrix, model};
 
-pub(super) fn section(imu: &Imu<'_>, earlier: Option<&[Findings]>) -> String {
+pub(super) fn section(imu: &Imu<'_>, earlier: Option<&[Findings]>) -> Markup {
     let Some(found) = &imu.findings.calibration else {
-        let why = imu.findings.reason().unwrap_or_default();
-        return framed("Calibration", &format!("<p>None was published: {}.</p>", escape(why.trim_end_matches('.'))));
+        let why = imu.findings.reason().unwrap_or_default().trim_end_matches('.');
+        return elements::section("Calibration", html! { p { "None was published: " (why) "." } });
     };
-    let triads: String = imu.triads().map(triad).collect();
-    let facts = format!(
-        "<p class=\"dim\">Revision {} from {} in {}; gravity {:.5} m/s² ({}).</p>",
-        found.revision,
-        count(found.segments, "rest"),
-        count(found.placements, "placement"),
-        found.gravity,
-        escape(&found.gravity_source)
-    );
-    let since = earlier.map(|earlier| since(imu.findings, earlier)).unwrap_or_default();
-    framed("Calibration", &format!("{facts}{triads}{since}"))
+    let content = html! {
+        p.dim {
+            "Revision " (found.revision) " from " (count(found.segments, "rest")) " in "
+            (count(found.placements, "placement")) "; gravity " (format!("{:.5}", found.gravity)) " m/s² ("
+            (found.gravity_source) ")."
+        }
+        @for found in imu.findings.triads() { (triad(found)) }
+        @if let Some(earlier) = earlier { (since(imu.findings, earlier)) }
+    };
+    elements::section("Calibration", content)
 }
 
 fn count(n: u32, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-fn triad(triad: &Triad) -> String {
-    let unit = if triad.sensor == "gyroscope" { "rad/s" } else { "m/s²" };
-    let mut rows = String::new();
-    if let Some(bias) = &triad.bias {
-        row(&mut rows, "bias", &numbers(bias), &triad.bias_std.as_ref().map(numbers), unit);
+fn triad(triad: &Triad) -> Markup {
+    let rows = rows(triad);
+    let facts = facts(triad);
+    let status = triad.status();
+    let class = if status == Status::Undetermined { "triad undetermined" } else { "triad" };
+    html! {
+        div class=(class) {
+            h4 {
+                (triad.sensor) " "
+                small { (status.as_str_name()) @if let Some(model) = model(triad.model()) { " · " (model) } }
+            }
+            @if !rows.is_empty() { (table(None, Some(axes()), &rows)) }
+            @if !facts.is_empty() { p.dim { (facts.join(" · ")) } }
+            @if let Some(notes) = notes(&triad.notes) { (notes) }
+        }
     }
-    let s = matrix(&triad.sensitivity);
+}
+
+fn unit(sensor: &str) -> &'static str {
+    if sensor == "gyroscope" { "rad/s" } else { "m/s²" }
+}
+
+/// Rows of the parameters that a triad has.
+fn rows(triad: &Triad) -> Vec<Markup> {
+    let mut rows = Vec::new();
+    if let Some(bias) = &triad.bias {
+        rows.push(row("bias", &numbers(bias), &triad.bias_std.as_ref().map(numbers), unit(&triad.sensor)));
+    }
     let std = matrix(&triad.sensitivity_std);
-    match s {
+    match matrix(&triad.sensitivity) {
         Some(s) if s != nalgebra::Matrix3::from_diagonal(&s.diagonal()) => {
             for (i, name) in ["S, row x", "S, row y", "S, row z"].into_iter().enumerate() {
-                row(&mut rows, name, &s.row(i).transpose().into(), &std.map(|std| std.row(i).transpose().into()), "");
+                rows.push(row(name, &s.row(i).transpose().into(), &std.map(|std| std.row(i).transpose().into()), ""));
             }
         }
-        Some(s) => row(&mut rows, "scale", &s.diagonal().into(), &std.map(|std| std.diagonal().into()), ""),
+        Some(s) => rows.push(row("scale", &s.diagonal().into(), &std.map(|std| std.diagonal().into()), "")),
         None => {}
     }
     for (name, values, unit) in [
@@ -57,89 +78,81 @@ fn triad(triad: &Triad) -> String {
             } else {
                 [", row x", ", row y", ", row z"].get(i).unwrap_or(&"")
             };
-            let cells: String = values.iter().map(|value| format!("<td class=\"n\">{value:.3e}</td>")).collect();
-            let _ = write!(rows, "<tr><th>{name}{axis} <small>{unit}</small></th>{cells}</tr>");
+            rows.push(html! {
+                tr {
+                    th { (name) (axis) " " small { (unit) } }
+                    @for value in values { td.n { (format!("{value:.3e}")) } }
+                }
+            });
         }
     }
-    let status = triad.status();
-    let verdict = match model(triad.model()) {
-        Some(model) => format!("{} · {model}", status.as_str_name()),
-        None => status.as_str_name().to_owned(),
-    };
-    let mut facts = Vec::new();
-    facts.extend(triad.residual_rms.map(|rms| format!("residual {rms:.4} {unit}")));
-    facts.extend(triad.chi2_per_dof.map(|chi2| format!("χ² per degree of freedom {chi2:.2}")));
-    facts.extend(triad.worst_case_error.map(|worst| format!("worst error {worst:.4} {unit} (95 %)")));
-    facts.extend(triad.condition.map(|condition| format!("condition {condition:.1}")));
-    let table = match rows.is_empty() {
-        true => String::new(),
-        false => format!(
-            "<div class=\"scroll\"><table><thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th></tr></thead>{rows}</table></div>"
-        ),
-    };
-    let facts = if facts.is_empty() { String::new() } else { format!("<p class=\"dim\">{}</p>", facts.join(" · ")) };
-    let notes = list("notes", &triad.notes);
-    let class = if status == Status::Undetermined { "triad undetermined" } else { "triad" };
-    format!(
-        "<div class=\"{class}\"><h4>{} <small>{verdict}</small></h4>{table}{facts}{notes}</div>",
-        escape(&triad.sensor)
-    )
+    rows
+}
+
+fn facts(triad: &Triad) -> Vec<String> {
+    let unit = unit(&triad.sensor);
+    let facts = [
+        triad.residual_rms.map(|rms| format!("residual {rms:.4} {unit}")),
+        triad.chi2_per_dof.map(|chi2| format!("χ² per degree of freedom {chi2:.2}")),
+        triad.worst_case_error.map(|worst| format!("worst error {worst:.4} {unit} (95 %)")),
+        triad.condition.map(|condition| format!("condition {condition:.1}")),
+    ];
+    facts.into_iter().flatten().collect()
 }
 
 /// Row of three estimates, each with half the width of its 95 % interval; one without a standard deviation is fixed by
 /// the model.
-fn row(rows: &mut String, name: &str, values: &[f64; 3], std: &Option<[f64; 3]>, unit: &str) {
-    let mut cells = String::new();
-    for (i, value) in values.iter().enumerate() {
-        let half = std.map(|std| 1.96 * std[i]).filter(|half| *half > 0.0);
-        let _ = match half {
-            Some(half) => {
-                let text = estimate(*value, half);
-                let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
-                write!(cells, "<td class=\"n\">{} <small>± {half}</small></td>", value.replace('-', "−"))
-            }
-            None => {
-                write!(cells, "<td class=\"n\">{}</td>", format!("{}", (value * 1e5).round() / 1e5).replace('-', "−"))
-            }
-        };
-    }
-    let _ = write!(rows, "<tr><th>{name} <small>{unit}</small></th>{cells}</tr>");
+fn row(name: &str, values: &[f64; 3], std: &Option<[f64; 3]>, unit: &str) -> Markup {
+    let cell = |(i, value): (usize, &f64)| match std.map(|std| 1.96 * std[i]).filter(|half| *half > 0.0) {
+        Some(half) => {
+            let text = estimate(*value, half);
+            let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
+            html! { td.n { (value.replace('-', "−")) " " small { "± " (half) } } }
+        }
+        None => html! { td.n { (format!("{}", (value * 1e5).round() / 1e5).replace('-', "−")) } },
+    };
+    html! { tr { th { (name) " " small { (unit) } } @for value in values.iter().enumerate() { (cell(value)) } } }
 }
 
 fn numbers(v: &Vector3) -> [f64; 3] {
     [v.x, v.y, v.z]
 }
 
-fn since(now: &Findings, earlier: &[Findings]) -> String {
+fn since(now: &Findings, earlier: &[Findings]) -> Markup {
     let drifts = match drift(now, earlier) {
         Ok(drifts) => drifts,
-        Err(why) => return format!("<h4>Since the earlier calibration</h4><p>{}</p>", escape(&why)),
+        Err(why) => return html! { h4 { "Since the earlier calibration" } p { (why) } },
     };
-    let mut rows = String::new();
-    for drift in &drifts {
-        let unit = if drift.sensor == "gyroscope" { "rad/s" } else { "m/s²" };
-        for (name, changes, unit) in [("bias", &drift.bias, unit), ("scale", &drift.scale, "")] {
-            let Some(changes) = changes else { continue };
-            let cell = |change: &Change| {
-                let class = if change.is_significant() { "n moved" } else { "n" };
-                let text = estimate(change.by, 1.96 * change.std);
-                let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
-                // A value that rounds to zero has no sign.
-                let is_zero = value.parse() == Ok(0.0);
-                let value = if is_zero { value.trim_start_matches('-').to_owned() } else { value.replace('-', "−") };
-                format!("<td class=\"{class}\">{value} <small>± {half}</small></td>")
-            };
-            let cells: String = changes.iter().map(cell).collect();
-            let _ = write!(rows, "<tr><th>{} {name} <small>{unit}</small></th>{cells}</tr>", escape(&drift.sensor));
+    let rows: Vec<_> = drifts.iter().flat_map(changes).collect();
+    html! {
+        h4 { "Change since the earlier calibration" }
+        @if let Some(worst) = drifts.iter().find_map(|drift| drift.worst) {
+            @let worst = format!("{worst:.3} m/s²");
+            p { "A reading corrected with the earlier calibration is off by up to " b { (worst) } "." }
         }
+        (table(None, Some(axes()), &rows))
+        p.dim { "± is half of a 95 % interval; bold: more than three standard deviations." }
     }
-    let worst = drifts.iter().find_map(|drift| drift.worst);
-    let worst = worst.map(|worst| {
-        format!("<p>A reading corrected with the earlier calibration is off by up to <b>{worst:.3} m/s²</b>.</p>")
-    });
-    format!(
-        "<h4>Change since the earlier calibration</h4>{}<div class=\"scroll\"><table><thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th>\
-         <th class=\"n\">z</th></tr></thead>{rows}</table></div><p class=\"dim\">± is half of a 95 % interval; bold: more than three standard deviations.</p>",
-        worst.unwrap_or_default()
-    )
+}
+
+/// Rows of a triad's drift.
+fn changes(drift: &Drift) -> Vec<Markup> {
+    let known = [("bias", &drift.bias, unit(&drift.sensor)), ("scale", &drift.scale, "")];
+    let row = |(name, changes, unit): (&str, &Option<[Change; 3]>, &str)| {
+        let changes = changes.as_ref()?;
+        Some(html! {
+            tr { th { (drift.sensor) " " (name) " " small { (unit) } } @for change in changes { (cell(change)) } }
+        })
+    };
+    known.into_iter().filter_map(row).collect()
+}
+
+fn cell(change: &Change) -> Markup {
+    let class = if change.is_significant() { "n moved" } else { "n" };
+    let text = estimate(change.by, 1.96 * change.std);
+    let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
+    // A value that rounds to zero has no sign.
+    let is_zero = value.parse() == Ok(0.0);
+    let value = if is_zero { value.trim_start_matches('-').to_owned() } else { value.replace('-', "−") };
+    html! { td class=(class) { (value) " " small { "± " (half) } } }
 }

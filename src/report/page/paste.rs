@@ -2,16 +2,19 @@
 
 use std::fmt::Write as _;
 
+use maud::{Markup, html};
 use serde_json::{Value, json};
 
-use super::{Imu, escape, section as framed};
+use super::elements;
+use super::imu::Imu;
 use crate::messages::Triad;
+use crate::printable_json;
 use crate::report::{calibration, matrix, model, row_major, yaml};
 
-pub(super) fn section(imu: &Imu<'_>, recording: &str) -> String {
-    let triads: Vec<_> = imu.triads().filter_map(|triad| Some((triad, numbers(triad)?))).collect();
+pub(super) fn section(imu: &Imu<'_>, recording: &str) -> Option<Markup> {
+    let triads: Vec<_> = imu.findings.triads().filter_map(|triad| Some((triad, numbers(triad)?))).collect();
     if triads.is_empty() {
-        return String::new();
+        return None;
     }
     let fields = triads.iter().map(|(triad, numbers)| (triad.sensor.clone(), numbers.clone()));
     let head = [
@@ -23,23 +26,21 @@ pub(super) fn section(imu: &Imu<'_>, recording: &str) -> String {
     let commands = format!(
         "stillpoint export {name} --format kalibr -o imu-kalibr.yaml\nstillpoint annotate {name} -o corrected.mcap --set output.corrected=final\n"
     );
-    let blocks = [
-        ("JSON", pretty(&value, 0) + "\n"),
-        ("YAML", yaml::document(&value)),
-        ("numpy", numpy(&triads)),
-        ("Commands: a file for Kalibr, and the recording with corrected messages", commands),
-    ];
-    framed("To paste", &blocks.map(|(name, text)| block(name, &text)).concat())
+    // Hidden characters are escaped as these languages do, so that they are read back as what they were.
+    let content = html! {
+        (block("JSON", &printable_json(&(pretty(&value, 0) + "\n"))))
+        (block("YAML", &printable_json(&yaml::document(&value))))
+        (block("numpy", &numpy(&triads)))
+        (block("Commands: a file for Kalibr, and the recording with corrected messages", &commands))
+    };
+    Some(elements::section("To paste", content))
 }
 
 /// A text with a button that copies it, and that selects all of it on a click.
-fn block(name: &str, text: &str) -> String {
+fn block(name: &str, text: &str) -> Markup {
     const COPY: &str = "getSelection().selectAllChildren(this.parentElement.querySelector('pre'));\
                         document.execCommand('copy');this.textContent='copied'";
-    format!(
-        "<div class=\"copy\"><button type=\"button\" onclick=\"{COPY}\">copy</button><b>{name}</b><pre>{}</pre></div>",
-        escape(text)
-    )
+    html! { div.copy { button type="button" onclick=(COPY) { "copy" } b { (name) } pre { (text) } } }
 }
 
 /// Parameters that correct a reading; `None` if the triad is not determined.

@@ -1,9 +1,11 @@
 //! Plots of the readings over time, and of the statistic that decides on rest.
 
-use std::fmt::Write as _;
+use maud::{Markup, html};
 
-use super::{Imu, Rest, escape, section};
+use super::elements::{section, table};
+use super::imu::{Imu, Rest};
 use crate::Stamp;
+use crate::messages::Vector3;
 use crate::report::plot::{Along, Plot, Scale, moment};
 use crate::report::{Envelope, Range};
 
@@ -11,15 +13,14 @@ use crate::report::{Envelope, Range};
 const BANDS: usize = 2000;
 
 /// The acceleration with the rests behind it; the means of the rests if there are no readings.
-pub(super) fn acceleration(imu: &Imu<'_>) -> String {
+pub(super) fn acceleration(imu: &Imu<'_>) -> Option<Markup> {
     let outline = &imu.timeline.acceleration;
     let means = imu.rests.iter().filter_map(|rest| Some((rest, mean(rest)?)));
     let values = means.clone().flat_map(|(_, mean)| mean);
     let range = outline.range().or_else(|| {
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         (low <= high).then_some(Range { low, high })
-    });
-    let Some(range) = range else { return String::new() };
+    })?;
     let mut plot = Plot::new(Scale::linear(0.0, imu.seconds, 0.0), Scale::linear(range.low, range.high, 0.06));
     bands(imu, &mut plot);
     trace(imu, outline, &mut plot);
@@ -30,22 +31,23 @@ pub(super) fn acceleration(imu: &Imu<'_>) -> String {
             });
         }
     }
-    let mut legend = String::new();
-    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        let _ = write!(legend, "<span class=\"key a{axis}\">{name}</span>");
-    }
-    let missing = match outline.span() {
-        Some(_) => "",
-        None => "<p class=\"dim\">A sidecar holds no readings: drawn are the means of the rests.</p>",
+    let content = html! {
+        p.legend {
+            @for (axis, name) in ["x", "y", "z"].iter().enumerate() { span class={ "key a" (axis) } { (name) } }
+            span.key.shade { "rest on a face" }
+            span.key.rejected { "rejected rest" }
+        }
+        (plot.figure("tall", "Acceleration as recorded, m/s²", Along::Clock))
+        @if outline.span().is_none() {
+            p.dim { "A sidecar holds no readings: drawn are the means of the rests." }
+        }
+        @for figure in others(imu) { (figure) }
     };
-    let shades = "<span class=\"key shade\">rest on a face</span><span class=\"key rejected\">rejected rest</span>";
-    let figure = plot.figure("tall", "Acceleration as recorded, m/s²", Along::Clock);
-    let others = others(imu);
-    section("What the sensor read", &format!("<p class=\"legend\">{legend}{shades}</p>{figure}{missing}{others}"))
+    Some(section("What the sensor read", content))
 }
 
 /// The gyroscope and the secondary accelerometers.
-fn others(imu: &Imu<'_>) -> String {
+fn others(imu: &Imu<'_>) -> Vec<Markup> {
     let secondary =
         imu.findings.calibration.iter().flat_map(|found| &found.secondary).map(|triad| triad.sensor.as_str());
     let names = secondary.chain(std::iter::repeat("secondary accelerometer"));
@@ -126,13 +128,12 @@ fn mean(rest: &Rest<'_>) -> Option<[f64; 3]> {
 }
 
 /// The statistic with its thresholds, and the noise at rest.
-pub(super) fn statistic(imu: &Imu<'_>) -> String {
-    let noise = noise(imu);
+pub(super) fn statistic(imu: &Imu<'_>) -> Option<Markup> {
     let outline = &imu.timeline.statistic;
     // Thresholds from a recording may hold any value.
     let thresholds = imu.timeline.thresholds.filter(|both| both.iter().all(|&one| one.is_finite() && one > 0.0));
     let (Some(range), Some([enter, leave])) = (outline.range(), thresholds) else {
-        return section("Noise at rest", &noise);
+        return noise(imu).map(|noise| section("Noise at rest", noise));
     };
     let mut plot = Plot::new(
         Scale::linear(0.0, imu.seconds, 0.0),
@@ -147,12 +148,14 @@ pub(super) fn statistic(imu: &Imu<'_>) -> String {
     }
     plot.rule(leave, "leave", "moving above");
     plot.rule(enter, "enter", "still below");
-    let figure = plot.figure("", "Deviation over the learned noise floor", Along::Clock);
-    let unsettled = match imu.timeline.was_judged {
-        true => "",
-        false => "<p class=\"dim\">No credible noise floor was learned: the sensor was never seen still.</p>",
+    let content = html! {
+        (plot.figure("", "Deviation over the learned noise floor", Along::Clock))
+        @if !imu.timeline.was_judged {
+            p.dim { "No credible noise floor was learned: the sensor was never seen still." }
+        }
+        @if let Some(noise) = noise(imu) { (noise) }
     };
-    section("How rest was told from motion", &format!("{figure}{unsettled}{noise}"))
+    Some(section("How rest was told from motion", content))
 }
 
 fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
@@ -160,41 +163,37 @@ fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
     imu.rests.iter().step_by(step).for_each(|rest| plot.band(rest.from, rest.until, "band plain", &title(rest, 1)));
 }
 
-/// Table of the median standard deviation of one sample during the rests, sensor by sensor.
-fn noise(imu: &Imu<'_>) -> String {
-    let mut sensors = Vec::<&str>::new();
-    for mean in imu.rests.iter().flat_map(|rest| &rest.segment.means) {
-        if !sensors.contains(&mean.sensor.as_str()) {
-            sensors.push(&mean.sensor);
+/// Table of the median standard deviation of one sample during the rests, sensor by sensor; `None` without any.
+fn noise(imu: &Imu<'_>) -> Option<Markup> {
+    let rows: Vec<_> = imu.sensors().into_iter().map(|sensor| noise_of(imu, sensor)).collect();
+    let head = html! {
+        th {} th.n { "x" } th.n { "y" } th.n { "z" }
+        th.n title="how many uncorrelated samples say as much" { "uncorrelated" }
+    };
+    let content = || {
+        html! {
+            p.dim { "Noise of one sample at rest: median standard deviation over the rests" }
+            (table(None, Some(head), &rows))
+        }
+    };
+    (!rows.is_empty()).then(content)
+}
+
+fn noise_of(imu: &Imu<'_>, sensor: &str) -> Markup {
+    let means = || imu.rests.iter().flat_map(|rest| &rest.segment.means).filter(|mean| mean.sensor == sensor);
+    let median = |axis: fn(&Vector3) -> f64| {
+        let mut values: Vec<_> = means().filter_map(|mean| mean.std.as_ref().map(axis)).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let (effective, samples) = means().fold((0.0, 0), |(e, n), mean| (e + mean.effective_samples, n + mean.samples));
+    let uncorrelated = (100.0 * effective / samples.max(1) as f64).min(100.0);
+    let unit = if sensor == "gyroscope" { "rad/s" } else { "m/s²" };
+    html! {
+        tr {
+            th { (sensor) " " small { (unit) } }
+            @for std in [median(|v| v.x), median(|v| v.y), median(|v| v.z)] { td.n { (format!("{std:.5}")) } }
+            td.n { (format!("{uncorrelated:.0} %")) }
         }
     }
-    let mut rows = String::new();
-    for sensor in sensors {
-        let means = || imu.rests.iter().flat_map(|rest| &rest.segment.means).filter(|mean| mean.sensor == sensor);
-        let median = |axis: fn(&crate::messages::Vector3) -> f64| {
-            let mut values: Vec<_> = means().filter_map(|mean| mean.std.as_ref().map(axis)).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-        };
-        let (effective, samples) =
-            means().fold((0.0, 0), |(e, n), mean| (e + mean.effective_samples, n + mean.samples));
-        let unit = if sensor == "gyroscope" { "rad/s" } else { "m/s²" };
-        let cells =
-            [median(|v| v.x), median(|v| v.y), median(|v| v.z)].map(|std| format!("<td class=\"n\">{std:.5}</td>"));
-        let _ = write!(
-            rows,
-            "<tr><th>{} <small>{unit}</small></th>{}<td class=\"n\">{:.0} %</td></tr>",
-            escape(sensor),
-            cells.concat(),
-            (100.0 * effective / samples.max(1) as f64).min(100.0)
-        );
-    }
-    if rows.is_empty() {
-        return String::new();
-    }
-    format!(
-        "<p class=\"dim\">Noise of one sample at rest: median standard deviation over the rests</p><div class=\"scroll\"><table>\
-         <thead><tr><th></th><th class=\"n\">x</th><th class=\"n\">y</th><th class=\"n\">z</th>\
-         <th class=\"n\" title=\"how many uncorrelated samples say as much\">uncorrelated</th></tr></thead>{rows}</table></div>"
-    )
 }

@@ -1,0 +1,100 @@
+//! One IMU's timeline with the data that several sections need.
+
+use nalgebra::Vector3;
+
+use crate::Stamp;
+use crate::fit::Calibration;
+use crate::messages::{Segment, Triad};
+use crate::report::{Findings, Timeline, calibration, nanos, vector};
+
+/// One IMU's timeline, and its rests on the clock of the page.
+pub(super) struct Imu<'a> {
+    pub(super) timeline: &'a Timeline,
+    pub(super) findings: &'a Findings,
+    /// Start of its clock, and its duration in seconds.
+    pub(super) origin: Stamp,
+    pub(super) seconds: f64,
+    pub(super) rests: Vec<Rest<'a>>,
+}
+
+/// A rest as the sections need it.
+pub(super) struct Rest<'a> {
+    pub(super) segment: &'a Segment,
+    /// Number, counted from 1.
+    pub(super) number: usize,
+    /// Seconds since the origin.
+    pub(super) from: f64,
+    pub(super) until: f64,
+    /// Index of its face in the coverage.
+    pub(super) face: Option<usize>,
+    /// Residual of the primary accelerometer.
+    pub(super) residual: Residual,
+    /// Direction of the mean reading, corrected if possible.
+    pub(super) up: Option<Vector3<f64>>,
+}
+
+/// ‖a‖ − g of an accelerometer's mean reading during a rest, m/s².
+#[derive(Clone, Copy, Default)]
+pub(super) struct Residual {
+    /// Before correction.
+    pub(super) raw: Option<f64>,
+    /// After correction, if the accelerometer is calibrated.
+    pub(super) corrected: Option<f64>,
+}
+
+impl<'a> Imu<'a> {
+    pub(super) fn new(timeline: &'a Timeline) -> Self {
+        let findings = &timeline.findings;
+        let first = findings.rests.keys().next().map(|&nanos| Stamp::from_nanos(nanos));
+        let (origin, end) = timeline.span().unwrap_or_else(|| {
+            let last = findings.rests.values().map(|rest| nanos(&rest.end)).max().unwrap_or_default();
+            (first.unwrap_or_default(), Stamp::from_nanos(last))
+        });
+        let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
+        let known = accelerometer.and_then(calibration);
+        let faces = findings.coverage.as_ref().map_or(&[][..], |coverage| &coverage.faces);
+        let rest = |(i, segment): (usize, &'a Segment)| {
+            let at = |stamp| Stamp::from_nanos(nanos(stamp)).seconds_since(origin);
+            let (mean, corrected) = mean(segment, "accelerometer", known.as_ref());
+            Rest {
+                segment,
+                number: i + 1,
+                from: at(&segment.start),
+                until: at(&segment.end),
+                face: faces.iter().position(|face| face.name == segment.face),
+                residual: residual(findings, mean, corrected),
+                up: corrected.or(mean).and_then(|value| value.try_normalize(1e-9)),
+            }
+        };
+        let rests = findings.rests.values().enumerate().map(rest).collect();
+        Self { timeline, findings, origin, seconds: end.seconds_since(origin).max(1e-3), rests }
+    }
+
+    pub(super) fn accelerometer(&self) -> Option<&'a Triad> {
+        self.findings.calibration.as_ref()?.accelerometer.as_ref()
+    }
+
+    /// Sensors whose readings the rests tell, in the order of first appearance.
+    pub(super) fn sensors(&self) -> Vec<&'a str> {
+        let mut sensors = Vec::new();
+        for mean in self.rests.iter().flat_map(|rest| &rest.segment.means) {
+            if !sensors.contains(&mean.sensor.as_str()) {
+                sensors.push(mean.sensor.as_str());
+            }
+        }
+        sensors
+    }
+}
+
+/// Mean reading of a sensor during a rest, as read and corrected.
+fn mean(segment: &Segment, sensor: &str, known: Option<&Calibration>) -> (Option<Vector3<f64>>, Option<Vector3<f64>>) {
+    let mean = segment.means.iter().find(|mean| mean.sensor == sensor);
+    let mean = mean.and_then(|mean| mean.mean.as_ref()).map(vector);
+    (mean, mean.zip(known).map(|(mean, known)| known.correct(&mean)))
+}
+
+fn residual(findings: &Findings, mean: Option<Vector3<f64>>, corrected: Option<Vector3<f64>>) -> Residual {
+    let gravity = findings.calibration.as_ref().map_or(9.80665, |found| found.gravity);
+    let [raw, corrected] = [mean, corrected].map(|value| value.map(|value| value.norm() - gravity));
+    Residual { raw, corrected }
+}
