@@ -15,3 +15,4 @@ mod merge;
 mod merged_turns;
 mod numbers;
 mod page;
+mod residuals;

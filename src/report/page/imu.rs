@@ -84,6 +84,17 @@ impl<'a> Imu<'a> {
         }
         sensors
     }
+
+    /// Residuals of a secondary accelerometer, rest by rest.
+    pub(super) fn residuals_of(&self, sensor: &str) -> Vec<Residual> {
+        let triad = self.findings.calibration.iter().flat_map(|found| &found.secondary);
+        let known = triad.filter(|triad| triad.sensor == sensor).find_map(calibration);
+        let of = |rest: &Rest<'_>| {
+            let (mean, corrected) = mean(rest.segment, sensor, known.as_ref());
+            residual(self.findings, mean, corrected)
+        };
+        self.rests.iter().map(of).collect()
+    }
 }
 
 /// Mean reading of a sensor during a rest, as read and corrected.

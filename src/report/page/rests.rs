@@ -15,15 +15,22 @@ use crate::report::plot::{Along, Plot, Scale, moment};
 const DRAWN: usize = 600;
 const LISTED: usize = 200;
 
-/// Plots of ‖a‖ − g of each rest, before and after correction.
+/// Plots of ‖a‖ − g of each rest, before and after correction, accelerometer by accelerometer.
 pub(super) fn residuals(imu: &Imu<'_>) -> Option<Markup> {
     let primary: Vec<_> = imu.rests.iter().map(|rest| rest.residual).collect();
-    let plots = pair(imu, &primary, ["Before: ‖a‖ − g of the mean reading, m/s²", "After correction, m/s²"])?;
+    let primary = pair(imu, &primary, ["Before: ‖a‖ − g of the mean reading, m/s²", "After correction, m/s²"]);
+    let sensors = imu.sensors().into_iter().filter(|sensor| !matches!(*sensor, "accelerometer" | "gyroscope"));
+    let secondary = sensors.filter_map(|sensor| {
+        let captions = ["before: ‖a‖ − g of the mean reading, m/s²", "after correction, m/s²"];
+        let captions = captions.map(|caption| format!("{sensor}, {caption}"));
+        pair(imu, &imu.residuals_of(sensor), captions.each_ref().map(String::as_str))
+    });
+    let pairs: Vec<_> = primary.into_iter().chain(secondary).collect();
     let content = html! {
         p.dim { "One dot a rest, in the colour of its face; small grey ones were rejected. At rest, ‖a‖ is g." }
-        (plots)
+        @for pair in &pairs { (pair) }
     };
-    Some(section("What remains at rest", content))
+    (!pairs.is_empty()).then(|| section("What remains at rest", content))
 }
 
 /// Plots of the residuals of one accelerometer, before and after correction.

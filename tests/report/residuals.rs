@@ -1,0 +1,80 @@
+//! What remains of ‖a‖ − g at rest, on the page, of every accelerometer.
+
+use crate::common::page::check;
+use stillpoint::Stamp;
+use stillpoint::messages::triad::Status;
+use stillpoint::messages::{Calibration, Segment, Triad, TriadMean, Vector3};
+use stillpoint::report::{Findings, Page, Timeline};
+
+const GRAVITY: f64 = 9.8;
+
+/// The page of one rest, during which each of these reads that much more than gravity, and has this bias, if it is known.
+fn page(sensors: &[(&str, f64, Option<f64>)]) -> String {
+    let along_z = |z: f64| Some(Vector3 { x: 0.0, y: 0.0, z });
+    let mean = |&(sensor, excess, _): &(&str, f64, Option<f64>)| TriadMean {
+        sensor: sensor.into(),
+        mean: along_z(GRAVITY + excess),
+        std: along_z(0.01),
+        ..TriadMean::default()
+    };
+    let triad = |&(sensor, _, bias): &(&str, f64, Option<f64>)| Triad {
+        sensor: sensor.into(),
+        status: if bias.is_some() { Status::Confirmed } else { Status::Undetermined }.into(),
+        bias: bias.and_then(along_z),
+        ..Triad::default()
+    };
+    let (primary, secondary) = sensors.split_first().unwrap();
+    let calibration = Calibration {
+        accelerometer: Some(triad(primary)),
+        secondary: secondary.iter().map(triad).collect(),
+        gravity: GRAVITY,
+        ..Calibration::default()
+    };
+    let rest = Segment {
+        start: Some(Stamp::from_nanos(5_000_000_000).into()),
+        end: Some(Stamp::from_nanos(8_000_000_000).into()),
+        accepted: true,
+        face: "+Z".into(),
+        means: sensors.iter().map(mean).collect(),
+        ..Segment::default()
+    };
+    let findings = Findings {
+        rests: [(5_000_000_000, rest)].into(),
+        calibration: Some(calibration),
+        ..Findings::new("/imu", "/imu")
+    };
+    let timelines = [Timeline::new(findings)];
+    let html = Page { recording: "x", timelines: &timelines, notes: &[], settings: "", earlier: None }.html();
+    check(&html);
+    html
+}
+
+/// The captions of the plots of residuals, each with what its only dot says.
+fn plots(html: &str) -> Vec<(&str, &str)> {
+    let section = html.split("<h3>What remains at rest</h3>").nth(1).unwrap().split("</section>").next().unwrap();
+    let between = |text: &'static str, end: &'static str| {
+        move |figure| -> &str { str::split(figure, text).nth(1).unwrap().split(end).next().unwrap() }
+    };
+    let figures: Vec<&str> = section.split("<figure").skip(1).collect();
+    let (caption, dot) = (between("<figcaption>", "<"), between("<title>", "<"));
+    figures.into_iter().map(|figure| (caption(figure), dot(figure))).collect()
+}
+
+#[test]
+fn each_accelerometer_shows_what_remains_before_and_after_its_own_correction() {
+    let html = page(&[("accelerometer", 0.5, Some(0.5)), ("highg", -2.0, Some(-1.75)), ("third", 0.125, None)]);
+    let expected = [
+        ("Before: ‖a‖ − g of the mean reading, m/s²", "rest 1 (+Z) +0.5000 m/s²"),
+        ("After correction, m/s²", "rest 1 (+Z) +0.0000 m/s²"),
+        ("highg, before: ‖a‖ − g of the mean reading, m/s²", "rest 1 (+Z) -2.0000 m/s²"),
+        ("highg, after correction, m/s²", "rest 1 (+Z) -0.2500 m/s²"),
+        ("third, before: ‖a‖ − g of the mean reading, m/s²", "rest 1 (+Z) +0.1250 m/s²"),
+    ];
+    assert_eq!(plots(&html), expected);
+}
+
+#[test]
+fn the_rates_of_a_gyroscope_are_no_residual_of_gravity() {
+    let html = page(&[("accelerometer", 0.5, Some(0.5)), ("gyroscope", 0.0, None)]);
+    assert_eq!(plots(&html).len(), 2, "{html}");
+}
