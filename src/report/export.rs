@@ -244,13 +244,14 @@ fn gyroscope(imu: &Findings) -> Option<(&Triad, Calibration)> {
     Some((triad, calibration(triad)?))
 }
 
-/// Names of a triad's sensitivities beyond bias and S.
+/// Names of what a triad has beyond bias and S: formats that cannot hold it refuse it.
 fn beyond(triad: &Triad) -> impl Iterator<Item = &'static str> {
     let said = |values: &[f64]| values.iter().any(|&value| value != 0.0);
     let named = [
         ("g-sensitivity", said(&triad.g_sensitivity)),
         ("g²-sensitivity", said(&triad.g2_sensitivity)),
         ("sensitivity to rotation", said(&triad.rate_sensitivity)),
+        ("change of bias with temperature", triad.temperature.as_ref().is_some_and(|model| said(&model.coefficients))),
     ];
     named.into_iter().filter_map(|(name, is_said)| is_said.then_some(name))
 }

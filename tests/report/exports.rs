@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use serde_json::Value;
 use stillpoint::messages::triad::{Model, Status};
-use stillpoint::messages::{self, Triad};
+use stillpoint::messages::{self, TemperatureModel, Triad};
 use stillpoint::report::{self, Axes, Findings, Format, Options, Parameters, Readings};
 
 /// A calibration of any kind that is one.
@@ -269,6 +269,15 @@ fn what_a_format_cannot_hold_is_refused() {
         assert!(refused(&diagonal, format, &unsaid).contains("--axes"));
         assert!(refused(&diagonal, format, &Options { slot: 9, ..raw(Axes::Frd) }).contains("has no sensor 9"));
         assert!(refused(&diagonal, format, &Options { imu: Some("/no".into()), ..raw(Axes::Frd) }).contains("/imu"));
+    }
+    for format in ["kalibr", "imu-calib", "px4", "ardupilot"] {
+        let mut findings = diagonal.findings();
+        let accelerometer =
+            findings[0].calibration.as_mut().and_then(|calibration| calibration.accelerometer.as_mut()).unwrap();
+        let coefficients = vec![0.01, 0.0, -0.002];
+        accelerometer.temperature = Some(TemperatureModel { order: 1, coefficients, ..TemperatureModel::default() });
+        let error = report::export(&findings, Format::named(format).unwrap(), &raw(Axes::Frd)).unwrap_err().to_string();
+        assert!(error.contains("cannot hold change of bias with temperature"), "{error}");
     }
     for format in ["px4", "ardupilot"] {
         // What the turns show is lost, and said to be; the bias is worth having without it.
