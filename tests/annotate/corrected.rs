@@ -15,14 +15,14 @@ use stillpoint::messages::Triad;
 use stillpoint::record::{Channel, Schema};
 
 /// Messages of a topic, with the channel they are on.
-struct Messages {
+pub struct Messages {
     channel: Channel,
     schema: Schema,
     /// Log time and bytes.
-    list: Vec<(u64, Vec<u8>)>,
+    pub list: Vec<(u64, Vec<u8>)>,
 }
 
-fn messages(file: &[u8], topic: &str) -> Option<Messages> {
+pub fn messages(file: &[u8], topic: &str) -> Option<Messages> {
     let mut found: Option<Messages> = None;
     for message in mcap::MessageStream::new(file).unwrap() {
         let message = message.unwrap();
@@ -52,7 +52,7 @@ fn messages(file: &[u8], topic: &str) -> Option<Messages> {
 }
 
 /// What an intake reads from messages, as if they were on the topic of their source: by time, of each triad.
-fn read(messages: &Messages, topic: &str, imus: &[ImuConfig]) -> BTreeMap<(u64, usize), Vector3<f64>> {
+pub fn read(messages: &Messages, topic: &str, imus: &[ImuConfig]) -> BTreeMap<(u64, usize), Vector3<f64>> {
     let mut intake = Intake::new(imus);
     intake.channel(&Channel { topic: topic.to_owned(), ..messages.channel.clone() }, Some(&messages.schema));
     let mut values = BTreeMap::new();

@@ -8,6 +8,7 @@ mod arbitrary;
 mod corrected;
 mod expected;
 mod messages;
+mod pasted;
 mod reader;
 mod ros2_package;
 mod schemas;
