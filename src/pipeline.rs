@@ -12,4 +12,4 @@ pub(crate) mod sources;
 pub(crate) mod time_order;
 pub(crate) mod timelines;
 
-pub use events::{Ending, News, Progress, Tell};
+pub use events::{Ending, Notice, Notify, Progress};

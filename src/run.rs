@@ -12,7 +12,7 @@ mod stop;
 mod tail;
 mod watch;
 
-pub use crate::pipeline::{Ending, News, Progress, Tell};
+pub use crate::pipeline::{Ending, Notice, Notify, Progress};
 pub use batch::{Form, Options, Report, annotate, calibrate};
 pub use gather::{Gathered, SensorKey, gather};
 pub use input::{Input, Listener, Made, Watch, made, text};

@@ -1,27 +1,31 @@
-//! News of a followed recording, for machines: one JSON object per event.
+//! Notice of a followed recording, for machines: one JSON object per event.
 
 use serde_json::{Value, json};
 use stillpoint::engine::Message;
 use stillpoint::messages::{AllanSums, Calibration, Noise, Octaves, Segment, Stillness, Turn, foxglove::Log};
 use stillpoint::report::{coverage, triad};
-use stillpoint::run::News;
+use stillpoint::run::Notice;
 
 /// The JSON of an event; `None` for news that is no event. Times are in nanoseconds.
-pub fn event(news: &News<'_>) -> Option<Value> {
+pub fn event(news: &Notice<'_>) -> Option<Value> {
     Some(match news {
-        News::Awaited => json!({"event": "awaited"}),
-        News::Opened(offset) => json!({"event": "opened", "offset": offset}),
-        News::Split(file) => json!({"event": "split", "file": file}),
-        News::Annotation { imu, event, .. } => {
+        Notice::Awaited => json!({"event": "awaited"}),
+        Notice::Opened(offset) => json!({"event": "opened", "offset": offset}),
+        Notice::Split(file) => json!({"event": "split", "file": file}),
+        Notice::Annotation { imu, event, .. } => {
             let (kind, said) = message(&event.message);
             json!({"event": kind, "imu": Some(imu).filter(|imu| !imu.is_empty()), "log_time": event.log_time, kind: said})
         }
-        News::Trouble(what) => json!({"event": "trouble", "what": what}),
-        News::Damage(damage) => {
+        Notice::Trouble(what) => json!({"event": "trouble", "what": what}),
+        Notice::Damage(damage) => {
             json!({"event": "damage", "offset": damage.offset, "bytes": damage.length, "what": damage.what})
         }
-        News::Ended(ending) => json!({"event": "ended", "ending": format!("{ending:?}").to_lowercase()}),
-        News::Channel { .. } | News::Message { .. } | News::Corrected { .. } | News::Imu { .. } | News::Read(_) => {
+        Notice::Ended(ending) => json!({"event": "ended", "ending": format!("{ending:?}").to_lowercase()}),
+        Notice::Channel { .. }
+        | Notice::Message { .. }
+        | Notice::Corrected { .. }
+        | Notice::Imu { .. }
+        | Notice::Read(_) => {
             return None;
         }
     })

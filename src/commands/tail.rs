@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use stillpoint::Error;
-use stillpoint::run::{self, Ending, Following, News, Options, Stop, Written};
+use stillpoint::run::{self, Ending, Following, Notice, Options, Stop, Written};
 
 use super::annotate::{code, result, say};
 use super::view::View;
@@ -39,7 +39,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         None => live.session(),
     });
     let mut failed = None;
-    let mut tell = |news: News<'_>| {
+    let mut notify = |news: Notice<'_>| {
         #[cfg(feature = "live")]
         session.iter_mut().for_each(|session| session.show(&news));
         if json && failed.is_none() {
@@ -49,7 +49,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
             view.show(&news);
         }
     };
-    let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut tell);
+    let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut notify);
     if matches!(tailed, Err(Error::Stopped | Error::Paused)) {
         view.leave();
     }

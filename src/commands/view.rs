@@ -9,7 +9,7 @@ use indicatif::HumanBytes;
 use stillpoint::engine::Message;
 use stillpoint::messages::foxglove::log::Level;
 use stillpoint::printable;
-use stillpoint::run::{Ending, News, Progress};
+use stillpoint::run::{Ending, Notice, Progress};
 use tracing::{info, warn};
 
 use super::summary;
@@ -40,24 +40,24 @@ impl View {
     }
 
     /// Shows news.
-    pub fn show(&mut self, news: &News<'_>) {
+    pub fn show(&mut self, news: &Notice<'_>) {
         match news {
-            News::Awaited => {
+            Notice::Awaited => {
                 self.waiting = true;
                 self.say(|name| info!("{name}: waiting for the recording to begin"));
             }
-            News::Opened(0) if self.waiting => self.say(|name| info!("{name}: recording")),
-            News::Opened(0) => {}
-            News::Opened(offset) => self.say(|name| info!("{name}: going on at byte {offset}, where it was stopped")),
-            News::Split(file) => self.say(|name| info!("{name}: goes on in {file}")),
-            News::Trouble(what) => self.say(|name| warn!("{name}: {what}")),
-            News::Annotation { event, .. } if self.term.is_none() => line(&event.message),
-            News::Imu { findings, status } if self.is_due() => {
+            Notice::Opened(0) if self.waiting => self.say(|name| info!("{name}: recording")),
+            Notice::Opened(0) => {}
+            Notice::Opened(offset) => self.say(|name| info!("{name}: going on at byte {offset}, where it was stopped")),
+            Notice::Split(file) => self.say(|name| info!("{name}: goes on in {file}")),
+            Notice::Trouble(what) => self.say(|name| warn!("{name}: {what}")),
+            Notice::Annotation { event, .. } if self.term.is_none() => line(&event.message),
+            Notice::Imu { findings, status } if self.is_due() => {
                 let look = Look::of(&Term::stderr());
                 self.lines.extend(summary::live(findings, status, look));
             }
-            News::Read(progress) if self.is_due() => self.draw(progress),
-            News::Ended(ending) => {
+            Notice::Read(progress) if self.is_due() => self.draw(progress),
+            Notice::Ended(ending) => {
                 self.clear();
                 let name = &self.name;
                 match ending {

@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use serde_json::json;
 use stillpoint::Error;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Following, Metrics, News, Options, Stop, Verdict, Watching};
+use stillpoint::run::{self, Following, Metrics, Notice, Options, Stop, Verdict, Watching};
 use tokio::signal::unix::{SignalKind, signal};
 use tracing::{debug, error, info, warn};
 
@@ -28,7 +28,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     if let Some(address) = args.metrics {
         info!("metrics at http://{}/metrics", run::serve(address, metrics.clone())?);
     }
-    let show = || -> Box<dyn FnMut(&News<'_>)> {
+    let show = || -> Box<dyn FnMut(&Notice<'_>)> {
         #[cfg(feature = "live")]
         if let Some(mut session) = live.as_ref().map(run::Live::session) {
             return Box::new(move |news| session.show(news));

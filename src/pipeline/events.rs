@@ -7,11 +7,11 @@ use crate::report::Findings;
 use crate::still::Status;
 
 /// Receiver of news.
-pub type Tell<'a> = &'a mut dyn FnMut(News<'_>);
+pub type Notify<'a> = &'a mut dyn FnMut(Notice<'_>);
 
 /// One reported event.
 #[derive(Clone, Copy, Debug)]
-pub enum News<'a> {
+pub enum Notice<'a> {
     /// The recording is missing or empty: its recorder is about to start.
     Awaited,
     /// The recording exists. The results of a killed run up to this byte are reused.
@@ -50,7 +50,7 @@ pub enum News<'a> {
         /// Message as written.
         annotation: &'a Annotation,
     },
-    /// State of one IMU, each time before [`News::Read`].
+    /// State of one IMU, each time before [`Notice::Read`].
     Imu {
         /// Findings so far.
         findings: &'a Findings,

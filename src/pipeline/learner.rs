@@ -22,7 +22,7 @@ use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor, Timing};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
-use crate::pipeline::events::{News, Tell};
+use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::sources::Sources;
 use crate::pipeline::time_order::TimeOrder;
 use crate::printable;
@@ -129,21 +129,21 @@ impl Learner {
     }
 
     /// Reports the channels so far once more.
-    pub(crate) fn tell_channels(&self, tell: Tell<'_>) {
+    pub(crate) fn tell_channels(&self, notify: Notify<'_>) {
         for entry in self.sources.table.iter() {
-            tell(News::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
+            notify(Notice::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
         }
     }
 
     /// Reports the state of each IMU.
-    pub(crate) fn tell_imus(&self, tell: Tell<'_>) {
+    pub(crate) fn tell_imus(&self, notify: Notify<'_>) {
         for Learning { engine, findings, .. } in &self.imus {
-            tell(News::Imu { findings, status: engine.status() });
+            notify(Notice::Imu { findings, status: engine.status() });
         }
     }
 
     /// Processes an event of the scan, and reports news.
-    pub(crate) fn take(&mut self, event: Event<'_>, tell: Tell<'_>) {
+    pub(crate) fn take(&mut self, event: Event<'_>, notify: Notify<'_>) {
         match event {
             Event::Header { profile, .. } if !self.begun => {
                 self.begun = true;
@@ -151,7 +151,7 @@ impl Learner {
             }
             Event::Schema(_) | Event::Channel(_) => {
                 if let Some(entry) = self.sources.take(&event) {
-                    tell(News::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
+                    notify(Notice::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
                     for (imu, learning) in self.sources.intake.imus().iter().zip(&mut self.imus) {
                         learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
                     }
@@ -163,12 +163,12 @@ impl Learner {
                 if self.time_order.holds(message.channel) {
                     self.time_order.hold(&message);
                     while let Some(held) = self.time_order.next() {
-                        self.use_message(&held.message(), tell);
+                        self.use_message(&held.message(), notify);
                     }
                 } else {
                     let sources = self.sources.intake.sources_on(message.channel);
                     self.time_order.watch(sources, message.channel, message.log_time);
-                    self.use_message(&message, tell);
+                    self.use_message(&message, notify);
                 }
             }
             Event::ChunkEnd => {
@@ -179,8 +179,8 @@ impl Learner {
                 if let Some(split) = &self.split {
                     damage.what = format!("{split}: {}", damage.what);
                 }
-                self.log(Level::Warning, damage.to_string(), tell);
-                tell(News::Damage(&damage));
+                self.log(Level::Warning, damage.to_string(), notify);
+                notify(Notice::Damage(&damage));
                 self.damages += 1;
                 if self.damage.len() < DAMAGES {
                     self.damage.push(damage);
@@ -242,30 +242,30 @@ impl Learner {
     }
 
     /// Ends the recording after its last split.
-    pub(crate) fn close(&mut self, tell: Tell<'_>) {
+    pub(crate) fn close(&mut self, notify: Notify<'_>) {
         self.closed = true;
         while let Some(held) = self.time_order.pop() {
-            self.use_message(&held.message(), tell);
+            self.use_message(&held.message(), notify);
         }
         let Self { timing, timed, .. } = self;
         timing.finish(&mut |read| timed.push(read));
-        self.push_timed(tell);
+        self.push_timed(notify);
         for remark in self.timing_remarks() {
-            self.log(Level::Warning, remark, tell);
+            self.log(Level::Warning, remark, notify);
         }
         for i in 0..self.imus.len() {
             if let Some(imu) = self.imus.get_mut(i) {
                 imu.engine.finish(&mut self.events);
             }
-            self.publish(i, tell);
+            self.publish(i, notify);
         }
         self.end_split();
     }
 
     /// Results of the recording.
-    pub(crate) fn finish(mut self, tell: Tell<'_>) -> Learned {
+    pub(crate) fn finish(mut self, notify: Notify<'_>) -> Learned {
         if !self.closed {
-            self.close(tell);
+            self.close(notify);
         }
         let faults = self.sources.intake.faults().into_iter().map(|fault| fault.to_string());
         let causal = self.config.output.corrected == Corrected::Causal;
@@ -294,21 +294,21 @@ impl Learner {
             .collect()
     }
 
-    fn use_message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+    fn use_message(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
         self.log_time = message.log_time;
-        self.message(message, tell);
-        self.correct(message, tell);
+        self.message(message, notify);
+        self.correct(message, notify);
     }
 
-    fn message(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+    fn message(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
         if let Some(fix) = self.sources.intake.fix(message.channel, message.data) {
-            self.locate(fix, tell);
+            self.locate(fix, notify);
         }
         let readings = &mut self.readings;
         let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
         let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
-        tell(News::Message { message, samples: samples.count() });
+        notify(Notice::Message { message, samples: samples.count() });
         for imu in self.sources.intake.imus().iter().skip(self.imus.len()) {
             let mut engine = Engine::new(engine_config(imu, &self.config));
             self.place.into_iter().for_each(|place| engine.locate(place));
@@ -316,16 +316,16 @@ impl Learner {
             self.imus.push(Learning { engine, findings, corrections: None });
         }
         for notice in self.sources.intake.take_notices() {
-            self.log(Level::Warning, notice.text, tell);
+            self.log(Level::Warning, notice.text, notify);
         }
         let Self { timing, readings, timed, .. } = self;
         timing.pass(message.channel, message.log_time, readings, &mut |read| timed.push(read));
         self.readings.clear();
-        self.push_timed(tell);
+        self.push_timed(notify);
     }
 
     /// Passes the readings whose turn has come to the engines.
-    fn push_timed(&mut self, tell: Tell<'_>) {
+    fn push_timed(&mut self, notify: Notify<'_>) {
         for i in 0..self.timed.len() {
             let Some(&(imu, sensor, reading)) = self.timed.get(i) else { break };
             let imu = imu.index();
@@ -338,27 +338,27 @@ impl Learner {
                 }
             }
             if !self.events.is_empty() {
-                self.publish(imu, tell);
+                self.publish(imu, notify);
             }
         }
         self.timed.clear();
     }
 
     /// Writes the corrected message, by the calibrations in force.
-    fn correct(&mut self, message: &Recorded<'_>, tell: Tell<'_>) {
+    fn correct(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
         if self.config.output.corrected == Corrected::Causal {
             let by = |imu: ImuId| self.imus.get(imu.index()).and_then(|imu| imu.corrections.as_ref());
-            let tell = |annotator: &Annotator| {
+            let notify = |annotator: &Annotator| {
                 if let Some((topic, annotation)) = last_of(annotator) {
-                    tell(News::Corrected { topic, annotation });
+                    notify(Notice::Corrected { topic, annotation });
                 }
             };
-            self.corrector.correct(message, &self.sources, by, &mut self.annotator, &mut self.blocks, tell);
+            self.corrector.correct(message, &self.sources, by, &mut self.annotator, &mut self.blocks, notify);
         }
     }
 
     /// Sets the place of the recording.
-    fn locate(&mut self, Position { latitude_deg, height_m }: Position, tell: Tell<'_>) {
+    fn locate(&mut self, Position { latitude_deg, height_m }: Position, notify: Notify<'_>) {
         let place = Place { latitude_deg, height_m };
         self.place = Some(place);
         self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
@@ -367,7 +367,7 @@ impl Learner {
             let height = height_m.map(|height| format!(" and {height:.0} m")).unwrap_or_default();
             let text =
                 format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
-            self.log(Level::Info, text, tell);
+            self.log(Level::Info, text, notify);
         }
     }
 
@@ -383,12 +383,12 @@ impl Learner {
     }
 
     /// Writes the events of an IMU as annotations.
-    fn publish(&mut self, imu: usize, tell: Tell<'_>) {
+    fn publish(&mut self, imu: usize, notify: Notify<'_>) {
         let name = self.sources.intake.imus().get(imu).map_or("", |imu| &imu.name);
         let mut left = None;
         for event in self.events.drain(..) {
             self.blocks.extend(self.annotator.push(name, &event));
-            tell_of(&self.annotator, name, &event, tell);
+            tell_of(&self.annotator, name, &event, notify);
             let Some(learning) = self.imus.get_mut(imu) else { continue };
             learning.findings.note(&event);
             if let Message::Calibration(calibration) = &event.message
@@ -400,25 +400,25 @@ impl Learner {
             }
         }
         if let Some(text) = left {
-            self.log(Level::Info, text, tell);
+            self.log(Level::Info, text, notify);
         }
     }
 
     /// Writes a line to the recording's log.
-    fn log(&mut self, level: Level, message: String, tell: Tell<'_>) {
+    fn log(&mut self, level: Level, message: String, notify: Notify<'_>) {
         let timestamp = Some(Stamp::from_log_time(self.log_time).into());
         let message = printable(&message).into_owned();
         let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
         let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
         self.blocks.extend(self.annotator.push("", &event));
-        tell_of(&self.annotator, "", &event, tell);
+        tell_of(&self.annotator, "", &event, notify);
     }
 }
 
 /// Reports the annotation that was added last.
-fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, tell: Tell<'_>) {
+fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, notify: Notify<'_>) {
     if let Some((topic, annotation)) = last_of(annotator) {
-        tell(News::Annotation { imu, topic, annotation, event });
+        notify(Notice::Annotation { imu, topic, annotation, event });
     }
 }
 

@@ -81,12 +81,12 @@ fn annotate_in_order(
     let mut target = OutputSet::open(input, outputs, options)?;
     let mut sidecar = if alone { Some(target.next(0)?) } else { None };
     let mut kept = Kept::beside(target.beside());
-    let mut lesson = SplitLearner::new(input, config, options, order);
+    let mut splits = SplitLearner::new(input, config, options, order);
     let mut profile = None;
     // Splits that await the final calibration before they are written.
-    let mut drafts = Vec::new();
+    let mut unwritten = Vec::new();
     for (index, split) in input.splits.iter().enumerate() {
-        let done = lesson.done;
+        let done = splits.done;
         let here = |at| watch(done + at);
         let output = if alone { None } else { Some(target.next(index)?) };
         let abandon = AtomicBool::new(false);
@@ -96,7 +96,7 @@ fn annotate_in_order(
                 // Without a thread, it is copied first.
                 thread::Builder::new().spawn_scoped(scope, copy).map_err(|_| copy())
             });
-            let inventory = lesson.read(index, split, Some(&mut kept), &here);
+            let inventory = splits.read(index, split, Some(&mut kept), &here);
             abandon.store(inventory.is_err(), Ordering::Relaxed);
             let copied = match copying {
                 Some(Ok(thread)) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
@@ -107,36 +107,36 @@ fn annotate_in_order(
             copied.map(|()| inventory)
         })?;
         if let Some(original) = split.original_within(&inventory)? {
-            drop((output, drafts, sidecar, target));
+            drop((output, unwritten, sidecar, target));
             return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
         }
         // In place, earlier splits that have been written stay.
-        if let Some(apart) = lesson.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
-            drop((output, drafts, sidecar, target));
+        if let Some(apart) = splits.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
+            drop((output, unwritten, sidecar, target));
             return annotate_in_order(input, outputs, config, options, watch, Some(apart));
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());
         if let Some(output) = output {
             let kept = std::mem::replace(&mut kept, Kept::beside(target.beside()));
-            let draft = ReadSplit { output, split, inventory, kept };
+            let read = ReadSplit { output, split, inventory, kept };
             match twice {
-                true => drafts.push(draft),
-                false => target.put(draft.write(&settings, lesson.learner.topics(), &here)?, split)?,
+                true => unwritten.push(read),
+                false => target.put(read.write(&settings, splits.learner.topics(), &here)?, split)?,
             }
         }
     }
-    let SplitLearner { learner, mut contents, messages, .. } = lesson;
+    let SplitLearner { learner, mut contents, messages, .. } = splits;
     let mut learned = learner.finish(&mut |_| {});
     if twice {
         let keep = |split: usize, block: &Block| {
-            drafts.get_mut(split).map_or(&mut kept, |draft| &mut draft.kept).blocks.push(block)
+            unwritten.get_mut(split).map_or(&mut kept, |read| &mut read.kept).blocks.push(block)
         };
         correct_all(input, config, &mut learned, &mut contents, keep, watch)?;
     }
     let mut done = 0;
-    for draft in drafts {
-        let split = draft.split;
-        target.put(draft.write(&settings, learned.annotator.topics(), &|at| watch(done + at))?, split)?;
+    for read in unwritten {
+        let split = read.split;
+        target.put(read.write(&settings, learned.annotator.topics(), &|at| watch(done + at))?, split)?;
         done += split.length();
     }
     if let (Some(mut output), Some(split)) = (sidecar.take(), input.splits.last()) {
@@ -216,18 +216,18 @@ fn calibrate_in_order(
     watch: Watch<'_>,
     order: Option<BTreeSet<u16>>,
 ) -> Result<Report, Error> {
-    let mut lesson = SplitLearner::new(input, config, Options::default(), order);
+    let mut splits = SplitLearner::new(input, config, Options::default(), order);
     for (index, split) in input.splits.iter().enumerate() {
-        let done = lesson.done;
-        let inventory = lesson.read(index, split, None, &|at| watch(done + at))?;
+        let done = splits.done;
+        let inventory = splits.read(index, split, None, &|at| watch(done + at))?;
         if let Some(original) = split.original_within(&inventory)? {
             return calibrate(&input.with_split(index, original)?, config, watch);
         }
-        if let Some(apart) = lesson.learner.apart() {
+        if let Some(apart) = splits.learner.apart() {
             return calibrate_in_order(input, config, watch, Some(apart));
         }
     }
-    Ok(Report::new(lesson.learner.finish(&mut |_| {}), lesson.messages))
+    Ok(Report::new(splits.learner.finish(&mut |_| {}), splits.messages))
 }
 
 /// Settings that determine the bytes of the annotations.

@@ -1,5 +1,5 @@
 //! Server for viewers of the Foxglove WebSocket protocol: it shows the used messages and all findings of recordings
-//! while they are followed. [`tail`](super::tail()) reports the [`News`].
+//! while they are followed. [`tail`](super::tail()) reports the [`Notice`].
 //!
 //! No viewer can delay a tail. Each has its own queue, and a slow one loses its oldest messages; one that takes nothing
 //! at all for many seconds is disconnected.

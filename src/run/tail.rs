@@ -28,7 +28,7 @@ use super::batch::{self, Options};
 use super::stop::Stop;
 use crate::Error;
 use crate::config::Config;
-use crate::pipeline::events::{Ending, News, Tell};
+use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::run::input::growing_file::GrowingFile;
 use crate::run::input::splits::Input;
 use crate::run::output::in_place::{self, Access};
@@ -48,7 +48,7 @@ pub fn tail(
     config: &Config,
     following: &Following,
     stop: &Stop,
-    tell: Tell<'_>,
+    notify: Notify<'_>,
 ) -> Result<Tailed, Error> {
     let sidecar = sidecar_of(output);
     let reads = Reads::of([input]);
@@ -62,13 +62,13 @@ pub fn tail(
         following,
         stop,
         owner: Owner { version: env!("CARGO_PKG_VERSION").to_owned(), configuration: config.canonical() },
-        appending: SidecarFile::open(&sidecar)?,
+        sidecar_file: SidecarFile::open(&sidecar)?,
         checkpoint: Checkpoint::new(checkpoint_of(&sidecar)),
         indexes: IndexLog::new(index_log_of(&sidecar)),
     };
-    let done = shell.run(input, tell);
+    let done = shell.run(input, notify);
     // An empty sidecar is only a lock.
-    let nothing = shell.appending.length() == 0 && !shell.checkpoint.exists();
+    let nothing = shell.sidecar_file.length() == 0 && !shell.checkpoint.exists();
     match done {
         Ok(done) => Ok(done),
         Err(error) if nothing => shell.tidy().and(Err(error)),
@@ -81,7 +81,7 @@ pub fn tail(
 }
 
 impl Shell<'_> {
-    fn run(&mut self, input: &Path, tell: Tell<'_>) -> Result<Tailed, Error> {
+    fn run(&mut self, input: &Path, notify: Notify<'_>) -> Result<Tailed, Error> {
         if input.is_file() {
             // Reports a file that a killed run left half changed, and a file that only looks like its backup.
             drop(in_place::open(input, Access::Read)?);
@@ -90,15 +90,15 @@ impl Shell<'_> {
             if self.output.exists() {
                 return self.already(input);
             }
-            if self.appending.length() > 0 && !self.checkpoint.exists() {
-                return Err(Error::Exists(self.appending.path().to_owned()));
+            if self.sidecar_file.length() > 0 && !self.checkpoint.exists() {
+                return Err(Error::Exists(self.sidecar_file.path().to_owned()));
             }
         }
         if let Some(obstacle) = self.checkpoint.obstacle() {
-            tell(News::Trouble(&obstacle));
+            notify(Notice::Trouble(&obstacle));
         }
-        let (trail, first) = self.await_beginning(input, tell)?;
-        self.follow(trail, first, tell)
+        let (location, first) = self.await_beginning(input, notify)?;
+        self.follow(location, first, notify)
     }
 
     /// Handles an existing output: it must be the result of the recording as it is now.
@@ -118,24 +118,24 @@ impl Shell<'_> {
         // A tail may have been killed just before it removed them.
         if self.checkpoint.exists() {
             self.tidy()?;
-        } else if self.appending.length() == 0 {
+        } else if self.sidecar_file.length() == 0 {
             self.remove_sidecar()?;
         }
         let (length, output) = (recording.length(), self.output.clone());
         Ok(Tailed { report, length, output, written, ending: Ending::Finished })
     }
 
-    fn await_beginning(&mut self, input: &Path, tell: Tell<'_>) -> Result<(Location, GrowingFile), Error> {
+    fn await_beginning(&mut self, input: &Path, notify: Notify<'_>) -> Result<(Location, GrowingFile), Error> {
         let began = Instant::now();
         let mut told = false;
         loop {
             // Only an existing path shows whether it is a file.
-            let trail = Location::of(input);
-            if let Some(first) = trail.next(&[])? {
-                return Ok((trail, first));
+            let location = Location::of(input);
+            if let Some(first) = location.next(&[])? {
+                return Ok((location, first));
             }
             if !std::mem::replace(&mut told, true) {
-                tell(News::Awaited);
+                notify(Notice::Awaited);
             }
             if self.following.patience.is_some_and(|patience| began.elapsed() >= patience) {
                 let why = "nothing was recorded: it is still missing or empty; was its recorder ever started?";
@@ -145,17 +145,17 @@ impl Shell<'_> {
         }
     }
 
-    fn follow(&mut self, trail: Location, first: GrowingFile, tell: Tell<'_>) -> Result<Tailed, Error> {
-        let mut course = Progression::begin(self, trail, first, tell)?;
-        let ending = match self.record(&mut course, tell) {
+    fn follow(&mut self, location: Location, first: GrowingFile, notify: Notify<'_>) -> Result<Tailed, Error> {
+        let mut progression = Progression::begin(self, location, first, notify)?;
+        let ending = match self.record(&mut progression, notify) {
             Err(error) => {
                 // Finished work need not be repeated; stopping matters more than a full disk.
-                let _ = self.save(&mut course).and_then(|()| self.checkpoint.settle());
+                let _ = self.save(&mut progression).and_then(|()| self.checkpoint.settle());
                 return Err(error);
             }
             Ok(ending) => ending,
         };
-        tell(News::Ended(ending));
-        self.end(course, ending, tell)
+        notify(Notice::Ended(ending));
+        self.end(progression, ending, notify)
     }
 }

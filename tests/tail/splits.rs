@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Access, Following, Input, News, Options, Stop};
+use stillpoint::run::{self, Access, Following, Input, Notice, Options, Stop};
 use stillpoint::simulate::{Scenario, record};
 
 use crate::common::Folder;
@@ -60,10 +60,10 @@ fn follow(bytes: &[u8], lengths: &[usize], events: &mut Vec<String>) -> Option<V
         options: Options::default(),
     };
     let (mut lengths, mut from) = (lengths.iter().filter(|&&until| until > 0), 0);
-    let mut tell = |news: News<'_>| match news {
-        News::Annotation { event, .. } => events.push(format!("{event:?}")),
+    let mut notify = |news: Notice<'_>| match news {
+        Notice::Annotation { event, .. } => events.push(format!("{event:?}")),
         // Whenever all has been read, there is more.
-        News::Awaited | News::Read(_) => {
+        Notice::Awaited | Notice::Read(_) => {
             if let Some(&until) = lengths.next() {
                 let mut file = File::options().create(true).append(true).open(&input).unwrap();
                 file.write_all(&bytes[from..until]).unwrap();
@@ -72,7 +72,7 @@ fn follow(bytes: &[u8], lengths: &[usize], events: &mut Vec<String>) -> Option<V
         }
         _ => {}
     };
-    let done = run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell);
+    let done = run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut notify);
     done.ok().map(|_| folder.read("out.mcap"))
 }
 
@@ -103,14 +103,14 @@ fn a_chunk_whose_length_is_filled_in_is_read_though_the_file_does_not_grow() {
     let file = File::options().write(true).open(&input).unwrap();
     let mut closed: Option<Instant> = None;
     let mut whole = false;
-    let mut tell = |news: News<'_>| match (news, closed) {
-        (News::Read(progress), None) if progress.read >= chunk as u64 => {
+    let mut notify = |news: Notice<'_>| match (news, closed) {
+        (Notice::Read(progress), None) if progress.read >= chunk as u64 => {
             // It has been looked at as it is.
             std::thread::sleep(Duration::from_millis(50));
             file.write_all_at(&bytes[chunk + 1..chunk + 9], chunk as u64 + 1).unwrap();
             closed = Some(Instant::now());
         }
-        (News::Read(progress), Some(_)) if progress.read >= end as u64 && !whole => {
+        (Notice::Read(progress), Some(_)) if progress.read >= end as u64 && !whole => {
             file.write_all_at(&bytes[end..], end as u64).unwrap();
             whole = true;
         }
@@ -125,6 +125,6 @@ fn a_chunk_whose_length_is_filled_in_is_read_though_the_file_does_not_grow() {
         keep_sidecar: false,
         options: Options::default(),
     };
-    run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut tell).unwrap();
+    run::tail(&input, &output, &Config::default(), &following, &Stop::default(), &mut notify).unwrap();
     assert!(Some(folder.read("out.mcap")) == batch(&bytes));
 }

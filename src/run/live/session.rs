@@ -1,4 +1,4 @@
-//! News of one recording, as messages for viewers. [`Live`](super::Live) sends them.
+//! Notice of one recording, as messages for viewers. [`Live`](super::Live) sends them.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use crate::messages::Face;
 use crate::messages::triad::Status as Known;
 use crate::record::{Annotation, Channel, Schema, Topic};
 use crate::report::Findings;
-use crate::run::News;
+use crate::run::Notice;
 use crate::still::{State, Status};
 
 /// Longest interval between diagnostics, in nanoseconds of the recording's time.
@@ -61,13 +61,13 @@ impl<'a> Session<'a> {
     }
 
     /// Shows news. Never waits for a viewer.
-    pub fn show(&mut self, news: &News<'_>) {
+    pub fn show(&mut self, news: &Notice<'_>) {
         match news {
-            News::Channel { channel, schema } => {
+            Notice::Channel { channel, schema } => {
                 self.unused.insert(channel.id, self.builder(channel, *schema));
                 self.earlier.iter_mut().for_each(|earlier| earlier.channel(channel, *schema));
             }
-            News::Message { message, .. } => {
+            Notice::Message { message, .. } => {
                 self.log_time = message.log_time;
                 self.source(message.channel);
                 // No viewer gets messages of the recording from before it connected.
@@ -79,7 +79,7 @@ impl<'a> Session<'a> {
                     self.annotate(&topic, &annotation, true);
                 }
             }
-            News::Annotation { imu, topic, annotation, event } => {
+            Notice::Annotation { imu, topic, annotation, event } => {
                 self.annotate(topic, annotation, false);
                 if let (Some(earlier), Message::Calibration(calibration)) = (&mut self.earlier, &event.message) {
                     earlier.calibrated(imu, calibration);
@@ -88,15 +88,17 @@ impl<'a> Session<'a> {
                     self.due = 0;
                 }
             }
-            News::Corrected { topic, annotation } if self.shared.is_watched() => self.annotate(topic, annotation, true),
-            News::Damage(_) => {
+            Notice::Corrected { topic, annotation } if self.shared.is_watched() => {
+                self.annotate(topic, annotation, true)
+            }
+            Notice::Damage(_) => {
                 self.damages += 1;
                 self.due = 0;
             }
-            News::Imu { findings, status } if self.log_time >= self.due => {
+            Notice::Imu { findings, status } if self.log_time >= self.due => {
                 self.diagnostics.extend(diagnose(findings, status))
             }
-            News::Read(_) => self.diagnose(),
+            Notice::Read(_) => self.diagnose(),
             _ => {}
         }
     }

@@ -9,7 +9,7 @@ use super::shell::{Shell, Tailed};
 use super::state::Progression;
 use crate::Error;
 use crate::annotate::Corrected;
-use crate::pipeline::events::{Ending, News, Tell};
+use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::pipeline::learner::Learned;
 use crate::pipeline::no_imu::no_imu;
 use crate::record::{Damage, Event, Piece, Sidecar};
@@ -31,23 +31,28 @@ enum Remains {
 
 impl Shell<'_> {
     /// Finishes a recording whose bytes have all been read.
-    pub(super) fn end(&mut self, mut course: Progression, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
+    pub(super) fn end(
+        &mut self,
+        mut progression: Progression,
+        ending: Ending,
+        notify: Notify<'_>,
+    ) -> Result<Tailed, Error> {
         if ending == Ending::Truncated {
             let what = "the file was cut off or written anew while it was followed: what stood there is lost";
-            let offset = course.scan.offset();
-            let length = course.growing.length().saturating_sub(offset);
+            let offset = progression.scan.offset();
+            let length = progression.growing.length().saturating_sub(offset);
             let damage = Damage { offset, length, what: what.to_owned() };
-            course.learner.take(Event::Damage(damage), tell);
+            progression.learner.take(Event::Damage(damage), notify);
         }
-        course.learner.close(tell);
-        let last: Vec<_> = course.learner.take_blocks().collect();
-        self.append(&mut course, &last)?;
-        course.log_indexes(&mut self.indexes);
-        let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
-        let (length, remains) = (course.offset(), course.remains(ending)?);
-        let Progression { trail, done, growing, scan, learner, sidecar, blocks, .. } = course;
-        let useless = (!learner.has_imu()).then(|| no_imu(trail.path(), learner.sources(), &learner.obstacles()));
-        let learned = learner.finish(tell);
+        progression.learner.close(notify);
+        let last: Vec<_> = progression.learner.take_blocks().collect();
+        self.append(&mut progression, &last)?;
+        progression.log_indexes(&mut self.indexes);
+        let indexes = self.patiently(notify, |shell| shell.indexes.flush())?.length;
+        let (length, remains) = (progression.offset(), progression.remains(ending)?);
+        let Progression { location, done, growing, scan, learner, sidecar, blocks, .. } = progression;
+        let useless = (!learner.has_imu()).then(|| no_imu(location.path(), learner.sources(), &learner.obstacles()));
+        let learned = learner.finish(notify);
         let here = Split {
             name: String::new(),
             known: growing.known().clone(),
@@ -59,7 +64,7 @@ impl Shell<'_> {
         };
         let splits: Vec<_> = done.into_iter().chain([here]).collect();
         let input = match remains {
-            Remains::Other(input) => return self.annotate(&input, ending, tell),
+            Remains::Other(input) => return self.annotate(&input, ending, notify),
             // The batch run does not read everything, so it may report less damage, except for files that never began;
             // and only the batch run can correct messages by the last calibration.
             Remains::Same(input)
@@ -68,7 +73,7 @@ impl Shell<'_> {
                     || !input.blank().is_empty()
                     || self.config.output.corrected == Corrected::Final =>
             {
-                return self.annotate(&input, ending, tell);
+                return self.annotate(&input, ending, notify);
             }
             Remains::Same(input) => Some(input),
             Remains::Nothing => None,
@@ -76,30 +81,30 @@ impl Shell<'_> {
         if let Some(error) = useless.filter(|_| !self.following.options.allow_no_imu) {
             return Err(error);
         }
-        self.patiently(tell, |shell| shell.appending.flush())?;
+        self.patiently(notify, |shell| shell.sidecar_file.flush())?;
         let Some(input) = input else {
-            let output = self.appending.path().to_owned();
-            self.close(sidecar, tell)?;
+            let output = self.sidecar_file.path().to_owned();
+            self.close(sidecar, notify)?;
             let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
             return Ok(Tailed { report, length, output, written: Written::Now, ending });
         };
-        let (report, written) = self.patiently(tell, |shell| shell.fold(&input, &splits, &learned))?;
+        let (report, written) = self.patiently(notify, |shell| shell.fold(&input, &splits, &learned))?;
         match self.following.keep_sidecar {
-            true => self.close(sidecar, tell)?,
+            true => self.close(sidecar, notify)?,
             false => self.tidy()?,
         }
         Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
     }
 
     /// Hands the whole recording to the batch path.
-    fn annotate(&mut self, input: &Input, ending: Ending, tell: Tell<'_>) -> Result<Tailed, Error> {
+    fn annotate(&mut self, input: &Input, ending: Ending, notify: Notify<'_>) -> Result<Tailed, Error> {
         let options = self.following.options;
-        let (report, written) = self.patiently(tell, |shell| shell.leave_to_batch(input, &shell.output, options))?;
+        let (report, written) = self.patiently(notify, |shell| shell.leave_to_batch(input, &shell.output, options))?;
         if self.following.keep_sidecar {
             let options = Options { form: Form::Sidecar, force: true, ..options };
             // It replaces the one that grew, whose lock would otherwise exclude this process itself.
-            self.appending.unlock()?;
-            self.patiently(tell, |shell| shell.leave_to_batch(input, shell.appending.path(), options))?;
+            self.sidecar_file.unlock()?;
+            self.patiently(notify, |shell| shell.leave_to_batch(input, shell.sidecar_file.path(), options))?;
             self.forget()?;
         } else {
             self.tidy()?;
@@ -127,46 +132,46 @@ impl Shell<'_> {
             (blocks, at) = (*until, *end);
         }
         let target = OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options)?;
-        let mut next = self.appending.blocks(learned.annotator.topics());
+        let mut next = self.sidecar_file.blocks(learned.annotator.topics());
         batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }
 
     /// Completes the sidecar, which stays.
-    fn close(&mut self, sidecar: Option<Sidecar>, tell: Tell<'_>) -> Result<(), Error> {
+    fn close(&mut self, sidecar: Option<Sidecar>, notify: Notify<'_>) -> Result<(), Error> {
         if let Some(sidecar) = sidecar {
-            self.complete(sidecar, tell)?;
+            self.complete(sidecar, notify)?;
         }
         self.forget()
     }
 
-    fn complete(&mut self, sidecar: Sidecar, tell: Tell<'_>) -> Result<(), Error> {
+    fn complete(&mut self, sidecar: Sidecar, notify: Notify<'_>) -> Result<(), Error> {
         let logged = self.indexes.flush()?.length;
         for piece in sidecar.close() {
             match piece {
-                Piece::Bytes(bytes) => self.appending.put(&bytes),
+                Piece::Bytes(bytes) => self.sidecar_file.put(&bytes),
                 Piece::Indexes(_) => self.indexes.items(0..logged, |kind, bytes| {
                     if kind == Kind::Sidecar as u8 {
-                        self.appending.put(bytes);
+                        self.sidecar_file.put(bytes);
                     }
                     Ok(())
                 })?,
                 Piece::Original(_) => {}
             }
         }
-        self.patiently(tell, |shell| shell.appending.flush())
+        self.patiently(notify, |shell| shell.sidecar_file.flush())
     }
 
     /// Keeps the annotations of an earlier recording under another name, since nothing else may hold them any more.
-    pub(super) fn set_aside(&mut self, state: Option<State>, tell: Tell<'_>) -> Result<(), Error> {
-        if self.appending.length() == 0 {
+    pub(super) fn set_aside(&mut self, state: Option<State>, notify: Notify<'_>) -> Result<(), Error> {
+        if self.sidecar_file.length() == 0 {
             return Ok(());
         }
         if let Some(State { sidecar: Some(mut sidecar), learner, blocks, length, indexes, .. }) = state
-            && length <= self.appending.length()
+            && length <= self.sidecar_file.length()
             && self.indexes.resume(indexes)?
         {
             // The state does not know of blocks written after it.
-            let mut next = self.appending.blocks(learner.topics());
+            let mut next = self.sidecar_file.blocks(learner.topics());
             let (mut seen, mut later) = (0, Vec::new());
             while let Ok(Some(block)) = next() {
                 self.stop.check()?;
@@ -174,20 +179,20 @@ impl Shell<'_> {
                 later.extend((seen > blocks).then_some(block));
             }
             drop(next);
-            self.appending.cut(length)?;
+            self.sidecar_file.cut(length)?;
             for block in &later {
                 let bytes = sidecar.block(learner.topics(), block);
-                self.appending.put(&bytes.map_err(|e| Error::input(self.appending.path(), e.to_string()))?);
+                self.sidecar_file.put(&bytes.map_err(|e| Error::input(self.sidecar_file.path(), e.to_string()))?);
             }
             self.indexes.push(Kind::Sidecar, &sidecar.take_indexes());
-            self.complete(sidecar, tell)?;
+            self.complete(sidecar, notify)?;
         }
-        let path = self.appending.path().to_owned();
+        let path = self.sidecar_file.path().to_owned();
         let aside = set_aside(&path)?;
-        tell(News::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
+        notify(Notice::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
         // Last: the next run would take a sidecar without a checkpoint for somebody else's.
         self.forget()?;
-        self.appending = SidecarFile::open(&path)?;
+        self.sidecar_file = SidecarFile::open(&path)?;
         Ok(())
     }
 }
@@ -198,8 +203,8 @@ impl Progression {
         if ending == Ending::Truncated {
             return Ok(Remains::Nothing);
         }
-        let Self { trail, done, growing, scan, .. } = self;
-        let Location::Folder(folder) = trail else {
+        let Self { location, done, growing, scan, .. } = self;
+        let Location::Folder(folder) = location else {
             // The open file, since it may have lost its name.
             let file = growing.file().try_clone().map_err(Error::io("read", growing.path()))?;
             let recording = Recording::of_file(file, growing.path(), growing.length());
@@ -213,7 +218,7 @@ impl Progression {
         }
         let input = Input::as_it_is(folder)?;
         let lengths = done.iter().map(|split| split.length).chain([growing.length()]);
-        let files = input.files().filter_map(|file| trail.name_of(file));
+        let files = input.files().filter_map(|file| location.name_of(file));
         let same = files.eq(self.files()) && input.splits.iter().map(Recording::length).eq(lengths);
         Ok(if same { Remains::Same(input) } else { Remains::Other(input) })
     }

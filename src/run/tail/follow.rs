@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::shell::Shell;
 use super::state::Progression;
 use crate::Error;
-use crate::pipeline::events::{Ending, News, Tell};
+use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::record::{Block, Event, Scan, Sidecar};
 use crate::run::batch;
 use crate::run::input::growing_file::{GrowingFile, Look};
@@ -32,17 +32,17 @@ enum Reached {
 
 impl Shell<'_> {
     /// Follows the recording to its end.
-    pub(super) fn record(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
+    pub(super) fn record(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<Ending, Error> {
         loop {
-            let ending = self.record_file(course, tell)?;
-            match self.await_next(course, ending, tell)? {
+            let ending = self.record_file(progression, notify)?;
+            match self.await_next(progression, ending, notify)? {
                 Ok(next) => {
                     // No block extends into the next file.
-                    course.learner.end_split();
-                    self.write(course, tell)?;
-                    course.log_indexes(&mut self.indexes);
-                    let indexes = self.patiently(tell, |shell| shell.indexes.flush())?.length;
-                    course.turn_to(next, indexes, tell)?;
+                    progression.learner.end_split();
+                    self.write(progression, notify)?;
+                    progression.log_indexes(&mut self.indexes);
+                    let indexes = self.patiently(notify, |shell| shell.indexes.flush())?.length;
+                    progression.turn_to(next, indexes, notify)?;
                 }
                 Err(ending) => return Ok(ending),
             }
@@ -50,25 +50,25 @@ impl Shell<'_> {
     }
 
     /// Follows a file to its end.
-    fn record_file(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Ending, Error> {
+    fn record_file(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<Ending, Error> {
         let mut last = Instant::now();
         let mut useless = Some(last + USELESS);
         let mut unnamed = None;
         loop {
-            course.scan.extend(course.growing.length());
-            match self.read(course, tell)? {
+            progression.scan.extend(progression.growing.length());
+            match self.read(progression, notify)? {
                 Reached::Here => {}
                 Reached::End => return Ok(Ending::Finished),
                 Reached::Loss => return Ok(Ending::Truncated),
             }
-            self.save_if_due(course, tell);
+            self.save_if_due(progression, notify);
             loop {
-                course.tell_progress(self.appending.length(), tell);
+                progression.tell_progress(self.sidecar_file.length(), notify);
                 if useless.take_if(|due| *due <= Instant::now()).is_some() {
-                    course.tell_useless(tell);
+                    progression.tell_useless(notify);
                 }
                 self.pause(self.following.poll)?;
-                match self.patiently(tell, |_| course.growing.look())? {
+                match self.patiently(notify, |_| progression.growing.look())? {
                     Look::Grown => {
                         last = Instant::now();
                         break;
@@ -81,15 +81,15 @@ impl Shell<'_> {
                 let ending = match unnamed {
                     Some(ending) if idle >= LEFT => ending,
                     _ if idle >= self.following.idle => Ending::Idle,
-                    _ if idle >= CLOSED && course.growing.is_closed() => Ending::Finished,
-                    _ if idle >= LEFT && course.trail.next(&course.files())?.is_some() => Ending::Idle,
+                    _ if idle >= CLOSED && progression.growing.is_closed() => Ending::Finished,
+                    _ if idle >= LEFT && progression.location.next(&progression.files())?.is_some() => Ending::Idle,
                     _ => {
-                        self.save_if_due(course, tell);
+                        self.save_if_due(progression, notify);
                         continue;
                     }
                 };
-                course.scan.finish();
-                return match self.read(course, tell)? {
+                progression.scan.finish();
+                return match self.read(progression, notify)? {
                     Reached::Loss => Ok(Ending::Truncated),
                     Reached::Here | Reached::End => Ok(ending),
                 };
@@ -100,153 +100,153 @@ impl Shell<'_> {
     /// The next file of the recording, or why there is none.
     fn await_next(
         &mut self,
-        course: &Progression,
+        progression: &Progression,
         ending: Ending,
-        tell: Tell<'_>,
+        notify: Notify<'_>,
     ) -> Result<Result<GrowingFile, Ending>, Error> {
         if ending == Ending::Truncated {
             return Ok(Err(ending));
         }
-        let files = course.files();
+        let files = progression.files();
         let began = Instant::now();
         loop {
             // First, so that a file that begins meanwhile is not overlooked.
-            let listed = course.trail.ends_with(&files);
-            if let Some(next) = course.trail.next(&files)? {
+            let listed = progression.location.ends_with(&files);
+            if let Some(next) = progression.location.next(&files)? {
                 return Ok(Ok(next));
             }
-            let (quiet, alone) = (began.elapsed(), course.trail.name_of(course.growing.path()).is_none());
+            let (quiet, alone) = (began.elapsed(), progression.location.name_of(progression.growing.path()).is_none());
             if alone || ending != Ending::Finished || listed && quiet >= CLOSED.min(self.following.idle) {
                 return Ok(Err(ending));
             }
             if quiet >= self.following.idle {
                 return Ok(Err(Ending::Idle));
             }
-            if quiet >= LEFT && !course.trail.path().exists() {
+            if quiet >= LEFT && !progression.location.path().exists() {
                 return Ok(Err(Ending::Deleted));
             }
-            course.tell_progress(self.appending.length(), tell);
+            progression.tell_progress(self.sidecar_file.length(), notify);
             self.pause(self.following.poll)?;
         }
     }
 
     /// Reads the available bytes and writes the annotations.
-    fn read(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<Reached, Error> {
-        let before = course.scan.offset();
+    fn read(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<Reached, Error> {
+        let before = progression.scan.offset();
         let reached = loop {
-            let event = match course.scan.next_event() {
+            let event = match progression.scan.next_event() {
                 // An unusable later file does not undo the ones before. It may still begin.
-                Err(_) if !course.done.is_empty() => {
-                    course.scan = Scan::new().within_limits(self.config.limits.of_recordings());
+                Err(_) if !progression.done.is_empty() => {
+                    progression.scan = Scan::new().within_limits(self.config.limits.of_recordings());
                     break Reached::Here;
                 }
-                event => event.map_err(|error| Error::unfit(course.growing.path(), error.to_string()))?,
+                event => event.map_err(|error| Error::unfit(progression.growing.path(), error.to_string()))?,
             };
             match event {
                 Event::Read { offset, length } => {
                     self.stop.check()?;
-                    course.tell_progress(self.appending.length(), tell);
-                    let there = course.growing.length().saturating_sub(offset);
+                    progression.tell_progress(self.sidecar_file.length(), notify);
+                    let there = progression.growing.length().saturating_sub(offset);
                     let ahead = there.min(length.max(READ) as u64) as usize;
-                    if !self.patiently(tell, |_| course.growing.read(course.scan.insert(ahead), offset))? {
+                    if !self.patiently(notify, |_| progression.growing.read(progression.scan.insert(ahead), offset))? {
                         break Reached::Loss;
                     }
-                    course.scan.notify_read(ahead);
+                    progression.scan.notify_read(ahead);
                 }
                 Event::Wait => break Reached::Here,
                 Event::End => break Reached::End,
                 event => {
                     if let Event::Header { profile, .. } = &event
-                        && course.done.is_empty()
+                        && progression.done.is_empty()
                     {
-                        course.profile = (*profile).to_owned();
+                        progression.profile = (*profile).to_owned();
                     }
                     let ends = matches!(event, Event::ChunkEnd);
-                    course.learner.take(event, tell);
+                    progression.learner.take(event, notify);
                     if ends {
-                        self.write(course, tell)?;
-                        course.log_indexes(&mut self.indexes);
+                        self.write(progression, notify)?;
+                        progression.log_indexes(&mut self.indexes);
                         if self.indexes.is_full() {
-                            self.patiently(tell, |shell| shell.indexes.flush())?;
+                            self.patiently(notify, |shell| shell.indexes.flush())?;
                         }
-                        self.save_if_due(course, tell);
+                        self.save_if_due(progression, notify);
                     }
                 }
             }
         };
-        self.write(course, tell)?;
-        let offset = course.scan.offset();
-        if offset > before && !self.patiently(tell, |_| course.growing.passed(offset))? {
+        self.write(progression, notify)?;
+        let offset = progression.scan.offset();
+        if offset > before && !self.patiently(notify, |_| progression.growing.passed(offset))? {
             return Ok(Reached::Loss);
         }
         Ok(reached)
     }
 
     /// Writes the closed blocks. Waits while the disk is full.
-    fn write(&mut self, course: &mut Progression, tell: Tell<'_>) -> Result<(), Error> {
-        if !course.learner.has_blocks() {
+    fn write(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<(), Error> {
+        if !progression.learner.has_blocks() {
             return Ok(());
         }
-        if course.sidecar.is_none() && !self.checkpoint.exists() {
+        if progression.sidecar.is_none() && !self.checkpoint.exists() {
             // A sidecar without a checkpoint is somebody else's.
-            self.patiently(tell, |shell| shell.checkpoint.mark(&shell.owner))?;
+            self.patiently(notify, |shell| shell.checkpoint.mark(&shell.owner))?;
         }
         // Not before they can be kept: a checkpoint would lose blocks that were taken and are not in the sidecar.
-        let blocks: Vec<_> = course.learner.take_blocks().collect();
-        self.append(course, &blocks)?;
-        self.patiently(tell, |shell| shell.appending.flush())
+        let blocks: Vec<_> = progression.learner.take_blocks().collect();
+        self.append(progression, &blocks)?;
+        self.patiently(notify, |shell| shell.sidecar_file.flush())
     }
 
     /// Encodes blocks, to be written next.
-    pub(super) fn append(&mut self, course: &mut Progression, blocks: &[Block]) -> Result<(), Error> {
-        let sidecar = match &mut course.sidecar {
+    pub(super) fn append(&mut self, progression: &mut Progression, blocks: &[Block]) -> Result<(), Error> {
+        let sidecar = match &mut progression.sidecar {
             Some(sidecar) => sidecar,
             none => {
-                let (begun, head) = Sidecar::open(&course.profile, &batch::settings(self.config));
-                self.appending.put(&head);
+                let (begun, head) = Sidecar::open(&progression.profile, &batch::settings(self.config));
+                self.sidecar_file.put(&head);
                 none.insert(begun)
             }
         };
         for block in blocks {
-            let bytes = sidecar.block(course.learner.topics(), block);
-            self.appending.put(&bytes.map_err(|e| Error::input(course.growing.path(), e.to_string()))?);
+            let bytes = sidecar.block(progression.learner.topics(), block);
+            self.sidecar_file.put(&bytes.map_err(|e| Error::input(progression.growing.path(), e.to_string()))?);
         }
-        course.blocks += blocks.len() as u64;
+        progression.blocks += blocks.len() as u64;
         Ok(())
     }
 
-    fn save_if_due(&mut self, course: &mut Progression, tell: Tell<'_>) {
+    fn save_if_due(&mut self, progression: &mut Progression, notify: Notify<'_>) {
         if self.checkpoint.is_due()
-            && let Err(error) = self.save(course)
+            && let Err(error) = self.save(progression)
         {
-            tell(News::Trouble(&error.to_string()));
+            notify(Notice::Trouble(&error.to_string()));
         }
     }
 
     /// Saves the state if it can be resumed: all that was learned is written.
-    pub(super) fn save(&mut self, course: &mut Progression) -> Result<(), Error> {
-        if course.learner.has_blocks() || self.appending.has_pending() || !self.indexes.is_durable() {
+    pub(super) fn save(&mut self, progression: &mut Progression) -> Result<(), Error> {
+        if progression.learner.has_blocks() || self.sidecar_file.has_pending() || !self.indexes.is_durable() {
             return Ok(());
         }
-        course.log_indexes(&mut self.indexes);
-        let Some(position) = course.scan.position() else { return Ok(()) };
-        if !course.growing.passed(course.scan.offset())? {
+        progression.log_indexes(&mut self.indexes);
+        let Some(position) = progression.scan.position() else { return Ok(()) };
+        if !progression.growing.passed(progression.scan.offset())? {
             // It was rewritten, which the next look detects.
             return Ok(());
         }
         let indexes = self.indexes.flush()?;
         let state = StateOf {
-            done: &course.done,
-            name: &course.trail.name_of(course.growing.path()).unwrap_or_default(),
-            known: course.growing.known(),
+            done: &progression.done,
+            name: &progression.location.name_of(progression.growing.path()).unwrap_or_default(),
+            known: progression.growing.known(),
             position: &position,
-            learner: &course.learner,
-            sidecar: &course.sidecar,
-            profile: &course.profile,
-            blocks: course.blocks,
-            length: self.appending.length(),
+            learner: &progression.learner,
+            sidecar: &progression.sidecar,
+            profile: &progression.profile,
+            blocks: progression.blocks,
+            length: self.sidecar_file.length(),
             indexes,
         };
-        self.checkpoint.save(&self.owner, &state, &self.appending, &self.indexes)
+        self.checkpoint.save(&self.owner, &state, &self.sidecar_file, &self.indexes)
     }
 }

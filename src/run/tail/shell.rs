@@ -7,7 +7,7 @@ use super::checkpoint::{Checkpoint, Owner};
 use super::index_log::IndexLog;
 use crate::Error;
 use crate::config::Config;
-use crate::pipeline::events::{Ending, News, Tell};
+use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::run::batch::{Options, Report};
 use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
@@ -56,7 +56,7 @@ pub(super) struct Shell<'a> {
     pub(super) following: &'a Following,
     pub(super) stop: &'a Stop,
     pub(super) owner: Owner,
-    pub(super) appending: SidecarFile,
+    pub(super) sidecar_file: SidecarFile,
     pub(super) checkpoint: Checkpoint,
     pub(super) indexes: IndexLog,
 }
@@ -66,7 +66,7 @@ impl Shell<'_> {
     /// wait for an idle recorder.
     pub(super) fn patiently<T>(
         &mut self,
-        tell: Tell<'_>,
+        notify: Notify<'_>,
         mut act: impl FnMut(&mut Self) -> Result<T, Error>,
     ) -> Result<T, Error> {
         let began = Instant::now();
@@ -76,7 +76,7 @@ impl Shell<'_> {
                 Err(error) if error.is_passing() && began.elapsed() < self.following.idle => {
                     if !std::mem::replace(&mut told, true) {
                         let what = if error.is_full() { "waiting for room" } else { "trying again" };
-                        tell(News::Trouble(&format!("{error}; {what}")));
+                        notify(Notice::Trouble(&format!("{error}; {what}")));
                     }
                     self.pause(RETRY)?;
                 }
@@ -109,6 +109,6 @@ impl Shell<'_> {
     }
 
     pub(super) fn remove_sidecar(&mut self) -> Result<(), Error> {
-        self.appending.remove()
+        self.sidecar_file.remove()
     }
 }

@@ -5,7 +5,7 @@ use super::index_log::{IndexLog, Kind};
 use super::location::Location;
 use super::shell::Shell;
 use crate::Error;
-use crate::pipeline::events::{News, Progress, Tell};
+use crate::pipeline::events::{Notice, Notify, Progress};
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::why_no_imu;
 use crate::record::{START, Scan, Sidecar, is_beginning};
@@ -16,7 +16,7 @@ use crate::run::tail::checkpoint::{Loaded, Split, State};
 
 /// A recording that is followed.
 pub(super) struct Progression {
-    pub(super) trail: Location,
+    pub(super) location: Location,
     /// Files that have been read to their ends.
     pub(super) done: Vec<Split>,
     /// The file that is being read.
@@ -33,50 +33,52 @@ pub(super) struct Progression {
 
 impl Progression {
     /// Says why nothing is used so far, if there are topics and none is.
-    pub(super) fn tell_useless(&self, tell: Tell<'_>) {
+    pub(super) fn tell_useless(&self, notify: Notify<'_>) {
         if !self.learner.has_imu() && self.learner.sources().channels().next().is_some() {
             let why = why_no_imu(self.learner.sources(), &self.learner.obstacles());
-            tell(News::Trouble(&format!("so far, {why}; waiting for one that begins later")));
+            notify(Notice::Trouble(&format!("so far, {why}; waiting for one that begins later")));
         }
     }
 
     /// Resumes the work of a killed run, or begins anew.
     pub(super) fn begin(
         shell: &mut Shell<'_>,
-        trail: Location,
+        location: Location,
         first: GrowingFile,
-        tell: Tell<'_>,
+        notify: Notify<'_>,
     ) -> Result<Self, Error> {
         match shell.checkpoint.load(&shell.owner)? {
-            Loaded::State(state) => match find(&trail, &state)? {
-                Some(growing) if state.length <= shell.appending.length() && shell.indexes.resume(state.indexes)? => {
-                    return Self::resume(shell, trail, growing, *state, tell);
+            Loaded::State(state) => match find(&location, &state)? {
+                Some(growing)
+                    if state.length <= shell.sidecar_file.length() && shell.indexes.resume(state.indexes)? =>
+                {
+                    return Self::resume(shell, location, growing, *state, notify);
                 }
-                Some(_) => tell(News::Trouble("annotations that the checkpoint counts on are gone: starting anew")),
+                Some(_) => notify(Notice::Trouble("annotations that the checkpoint counts on are gone: starting anew")),
                 None => {
-                    tell(News::Trouble("the checkpoint is of another recording: starting anew"));
-                    shell.set_aside(Some(*state), tell)?;
+                    notify(Notice::Trouble("the checkpoint is of another recording: starting anew"));
+                    shell.set_aside(Some(*state), notify)?;
                 }
             },
             Loaded::Useless(why, state) => {
-                tell(News::Trouble(&format!("the checkpoint {why}: starting anew")));
-                let found = state.as_ref().map_or(Ok(None), |state| find(&trail, state))?;
+                notify(Notice::Trouble(&format!("the checkpoint {why}: starting anew")));
+                let found = state.as_ref().map_or(Ok(None), |state| find(&location, state))?;
                 if found.is_none() {
-                    shell.set_aside(state.map(|state| *state), tell)?;
+                    shell.set_aside(state.map(|state| *state), notify)?;
                 }
             }
             Loaded::Nothing => {}
         }
         // Annotations that exist of this recording are found again.
-        shell.appending.begin_anew()?;
+        shell.sidecar_file.begin_anew()?;
         shell.indexes.remove()?;
         let mut learner = Learner::new(shell.config);
-        if let Some(name) = trail.name_of(first.path()) {
+        if let Some(name) = location.name_of(first.path()) {
             learner.begin_split(Some(name), true);
         }
-        tell(News::Opened(0));
+        notify(Notice::Opened(0));
         Ok(Self {
-            trail,
+            location,
             done: Vec::new(),
             growing: from_the_start(first)?,
             scan: Scan::new().within_limits(shell.config.limits.of_recordings()),
@@ -89,20 +91,20 @@ impl Progression {
 
     fn resume(
         shell: &mut Shell<'_>,
-        trail: Location,
+        location: Location,
         growing: GrowingFile,
         state: State,
-        tell: Tell<'_>,
+        notify: Notify<'_>,
     ) -> Result<Self, Error> {
         let State { done, position, learner, sidecar, profile, blocks, length, .. } = state;
-        shell.appending.cut(length)?;
+        shell.sidecar_file.cut(length)?;
         let scan = Scan::resume(position).within_limits(shell.config.limits.of_recordings());
         let learner = learner.resume(shell.config);
-        let mut course = Self { trail, done, growing, scan, learner, sidecar, profile, blocks };
-        course.recall(&shell.appending, shell.stop)?;
-        course.learner.tell_channels(tell);
-        tell(News::Opened(course.offset()));
-        Ok(course)
+        let mut progression = Self { location, done, growing, scan, learner, sidecar, profile, blocks };
+        progression.recall(&shell.sidecar_file, shell.stop)?;
+        progression.learner.tell_channels(notify);
+        notify(Notice::Opened(progression.offset()));
+        Ok(progression)
     }
 
     /// Restores the learner's state from the blocks of a killed run.
@@ -118,14 +120,14 @@ impl Progression {
     }
 
     /// Begins the next file. The annotations of the one before have been written.
-    pub(super) fn turn_to(&mut self, next: GrowingFile, indexes: u64, tell: Tell<'_>) -> Result<(), Error> {
-        let name = self.trail.name_of(next.path());
-        tell(News::Split(name.as_deref().unwrap_or_default()));
+    pub(super) fn turn_to(&mut self, next: GrowingFile, indexes: u64, notify: Notify<'_>) -> Result<(), Error> {
+        let name = self.location.name_of(next.path());
+        notify(Notice::Split(name.as_deref().unwrap_or_default()));
         self.learner.begin_split(name, false);
         let scan = std::mem::take(&mut self.scan);
         let growing = std::mem::replace(&mut self.growing, from_the_start(next)?);
         self.done.push(Split {
-            name: self.trail.name_of(growing.path()).unwrap_or_default(),
+            name: self.location.name_of(growing.path()).unwrap_or_default(),
             known: growing.known().clone(),
             length: growing.length(),
             inventory: scan.into_inventory(),
@@ -159,26 +161,26 @@ impl Progression {
         self.done.iter().map(|split| split.length).sum()
     }
 
-    pub(super) fn tell_progress(&self, sidecar: u64, tell: Tell<'_>) {
-        self.learner.tell_imus(tell);
+    pub(super) fn tell_progress(&self, sidecar: u64, notify: Notify<'_>) {
+        self.learner.tell_imus(notify);
         let length = self.behind() + self.growing.length();
-        tell(News::Read(Progress { read: self.offset(), length, sidecar }));
+        notify(Notice::Read(Progress { read: self.offset(), length, sidecar }));
     }
 }
 
 /// The file that a killed run was reading, if all bytes that it read are still there.
-fn find(trail: &Location, state: &State) -> Result<Option<GrowingFile>, Error> {
+fn find(location: &Location, state: &State) -> Result<Option<GrowingFile>, Error> {
     // A folder and a file beside it may have results of the same stem.
-    if trail.has_names() == state.name.is_empty() {
+    if location.has_names() == state.name.is_empty() {
         return Ok(None);
     }
     for split in &state.done {
-        let Some(mut file) = trail.again(&split.name)? else { return Ok(None) };
+        let Some(mut file) = location.again(&split.name)? else { return Ok(None) };
         if file.length() != split.length || !file.recognise(&split.known)? {
             return Ok(None);
         }
     }
-    let Some(mut growing) = trail.again(&state.name)? else { return Ok(None) };
+    let Some(mut growing) = location.again(&state.name)? else { return Ok(None) };
     Ok(growing.recognise(&state.known)?.then_some(growing))
 }
 

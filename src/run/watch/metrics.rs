@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::engine::Message;
-use crate::pipeline::events::News;
+use crate::pipeline::events::Notice;
 use crate::printable;
 use crate::run::batch::Report;
 use crate::run::stop::Stop;
@@ -38,7 +38,7 @@ struct Counts {
 #[derive(Debug, Default)]
 struct FollowedCounts {
     rests: u64,
-    /// Rests in the findings since the last [`News::Read`].
+    /// Rests in the findings since the last [`Notice::Read`].
     seen: u64,
     read: u64,
     length: u64,
@@ -48,17 +48,17 @@ struct FollowedCounts {
 
 impl Metrics {
     /// Counts news of a recording.
-    pub fn note(&self, recording: &Path, news: &News<'_>) {
+    pub fn note(&self, recording: &Path, news: &Notice<'_>) {
         let counts = &mut *self.lock();
         match news {
-            News::Message { samples, .. } => {
+            Notice::Message { samples, .. } => {
                 counts.messages += 1;
                 counts.samples += *samples as u64;
             }
-            News::Annotation { event, .. } if matches!(event.message, Message::Calibration(_)) => counts.refits += 1,
-            News::Damage(_) => counts.damages += 1,
-            News::Imu { findings, .. } => counts.followed(recording).seen += findings.rests.len() as u64,
-            News::Read(progress) => {
+            Notice::Annotation { event, .. } if matches!(event.message, Message::Calibration(_)) => counts.refits += 1,
+            Notice::Damage(_) => counts.damages += 1,
+            Notice::Imu { findings, .. } => counts.followed(recording).seen += findings.rests.len() as u64,
+            Notice::Read(progress) => {
                 let followed = counts.followed(recording);
                 followed.length = progress.length;
                 let rests = std::mem::take(&mut followed.seen);

@@ -12,7 +12,7 @@ use super::results::{self, Attempt, Quarantine, make_way};
 use super::watching::{WatchState, Watching};
 use crate::Error;
 use crate::config::Config;
-use crate::pipeline::events::{Ending, News};
+use crate::pipeline::events::{Ending, Notice};
 use crate::run::output::file::Written;
 use crate::run::stop::Stop;
 use crate::run::tail::{Following, Tailed, set_aside, tail};
@@ -43,7 +43,7 @@ pub enum Verdict<'a> {
 }
 
 /// Factory of further receivers for the news of a growing recording; called once for each recording.
-pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&News<'_>) + 'a> + Sync);
+pub type Show<'a> = &'a (dyn Fn() -> Box<dyn FnMut(&Notice<'_>) + 'a> + Sync);
 
 #[derive(Debug)]
 struct Entry {
@@ -72,12 +72,12 @@ pub fn watch(
     stop: &Stop,
     metrics: &Metrics,
     show: Show<'_>,
-    tell: &dyn Fn(&Path, Verdict<'_>),
+    notify: &dyn Fn(&Path, Verdict<'_>),
 ) -> Result<(), Error> {
     recordings(&watching.folder)?;
     let fingerprint = || crc32fast::hash(config().canonical().as_bytes());
     let configuration = fingerprint();
-    let mut watcher = Watcher { watching, configuration, entries: BTreeMap::new(), metrics, tell };
+    let mut watcher = Watcher { watching, configuration, entries: BTreeMap::new(), metrics, notify };
     let (sender, receiver) = channel();
     std::thread::scope(|scope| {
         let mut next_look = Instant::now();
@@ -103,7 +103,7 @@ pub fn watch(
                     }
                 };
                 metrics.begin(&path, stop);
-                (watcher.tell)(&path, Verdict::Begun(finished));
+                (watcher.notify)(&path, Verdict::Begun(finished));
                 if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, work) {
                     let result = Err(Error::io("work on", &path)(error));
                     watcher.finish(Finished { path, result });
@@ -156,11 +156,11 @@ fn follow(
     let following = Following { idle, ..watching.following.clone() };
     // A finished recording is processed too fast for anyone to watch.
     let mut show = (!finished).then(show);
-    let mut tell = |news: News<'_>| {
+    let mut notify = |news: Notice<'_>| {
         metrics.note(path, &news);
         show.iter_mut().for_each(|show| show(&news));
     };
-    let tailed = tail(path, output, config, &following, stop, &mut tell)?;
+    let tailed = tail(path, output, config, &following, stop, &mut notify)?;
     metrics.done(path, &tailed.report, tailed.length);
     match tailed.ending {
         // The name is free for the next recording.
@@ -175,7 +175,7 @@ struct Watcher<'a> {
     configuration: u32,
     entries: BTreeMap<PathBuf, Entry>,
     metrics: &'a Metrics,
-    tell: &'a dyn Fn(&Path, Verdict<'_>),
+    notify: &'a dyn Fn(&Path, Verdict<'_>),
 }
 
 impl Watcher<'_> {
@@ -267,7 +267,7 @@ impl Watcher<'_> {
         let now = Stamp::of(&path).unwrap_or_else(|| entry.stamp.clone());
         match result {
             Ok(tailed) => {
-                (self.tell)(&path, Verdict::Annotated(&tailed));
+                (self.notify)(&path, Verdict::Annotated(&tailed));
                 self.watching.forgive(&path);
                 let is_its = |length| length == now.length || length == results::length(&path, &now);
                 entry.state = match tailed.ending {
@@ -296,7 +296,7 @@ impl Watcher<'_> {
                     return;
                 }
                 let wait = FIRST_RETRY.saturating_mul(1 << entry.attempts.min(16).saturating_sub(1)).min(LAST_RETRY);
-                (self.tell)(&path, Verdict::Again(&error, wait));
+                (self.notify)(&path, Verdict::Again(&error, wait));
                 entry.state = WatchState::Again(Instant::now() + wait);
             }
         }
@@ -309,7 +309,7 @@ impl Watcher<'_> {
             Error::Overdue(_) => format!("{}: {error}", path.display()),
             error => error.to_string(),
         };
-        (self.tell)(path, Verdict::Quarantined(&reason));
+        (self.notify)(path, Verdict::Quarantined(&reason));
         self.metrics.forget(path);
         entry.state = WatchState::Quarantined;
         if let Some(now) = Stamp::of(path) {
