@@ -40,6 +40,9 @@
 //! `run/batch` keeps them until everything is read, and [`record::Fold`] makes the annotated recording, which
 //! `run/output` writes.
 //!
+//! A chunk without useful channels is not decompressed: `pipeline/sources` says which channels are useful,
+//! `run/input/prefetch` answers `Supply::Unread`, `record/scan/read_data` skips the chunk.
+//!
 //! In a tail: the same scan, pipeline, engine and annotator, fed by a growing file. [`record::Sidecar`] puts blocks
 //! into the sidecar at once, and chunk indexes go into a log beside the checkpoint. At the end
 //! [`record::SidecarBlocks`] passes the blocks of the sidecar to the same fold; no annotation is decoded, and none is
