@@ -5,6 +5,7 @@ pub(crate) mod annotations;
 pub(crate) mod channel_table;
 pub(crate) mod correction;
 pub(crate) mod correction_pass;
+pub(crate) mod damages;
 pub(crate) mod events;
 pub(crate) mod learner;
 pub(crate) mod no_imu;

@@ -142,7 +142,8 @@ impl<'a> View<'a> {
         });
         let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
         let (followed, on_table) = followed.filter(|_| whole).unzip();
-        let on_table: Option<f64> = on_table.flatten();
+        let counts = matches!(verdict.reason, Reason::Used | Reason::Outlier);
+        let on_table: Option<f64> = on_table.flatten().filter(|_| counts);
         let declared = on_table.filter(|_| self.whole_turns);
         let (start, end) = turn.span();
         let motion = followed.as_ref().map(|(motion, _)| motion);
@@ -180,7 +181,9 @@ fn hint(explanation: &str, whole: f64, seen: f64) -> String {
         turns => format!("{turns} whole turns"),
     };
     let seen = seen.to_degrees();
-    let hint = format!("{seen:.1}° about the vertical; if it was {turns} of a table, fit.whole_turns = true uses it");
+    let hint = format!(
+        "{seen:.1}° about the vertical; if it was {turns} of a table, fit.whole_turns = true uses it beside turns from face to face"
+    );
     if explanation.is_empty() { hint } else { format!("{explanation}; {hint}") }
 }
 

@@ -47,7 +47,7 @@ pub fn fit(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) 
     if turned < LEAST_TURNS {
         let all = session.turns.len();
         return Err(if all >= LEAST_TURNS {
-            TooLittle::AboutVertical { turned, all }
+            TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.declared.is_some()) }
         } else {
             TooLittle::Few { turned }
         });

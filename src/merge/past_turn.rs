@@ -1,13 +1,14 @@
 //! Turn of one sensor in one of any number of recordings, with the rests at its ends.
 //!
-//! The turn that rotated gravity the most stands for a span of time and for the faces, edges or corners of a cube that
-//! were up before and after it.
+//! The turn that rotated gravity the most stands for a span of time and for the faces of a cube that were up before and
+//! after it.
 
 use std::cmp::Ordering;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::past_rest::{PastRest, pose};
+use super::past_rest::PastRest;
 use super::thinned_set::{Member, ThinnedSet};
 use crate::engine::PastTurn as Motion;
 
@@ -24,9 +25,13 @@ pub struct PastTurn {
 }
 
 impl PastTurn {
-    /// Turn between two of these rests of its recording; `None` if it does not lead from one to another.
+    /// Turn between two of these rests of its recording, which are in order of their starts; `None` if it does not lead
+    /// from one to another.
     pub fn between(motion: Motion, rests: &[PastRest]) -> Option<Self> {
-        let of = |time| rests.iter().find(|past| (past.rest.start..=past.rest.end).contains(&time)).cloned();
+        let of = |time| {
+            let behind = rests.partition_point(|past| past.rest.start <= time);
+            rests.get(behind.checked_sub(1)?).filter(|past| time <= past.rest.end).cloned()
+        };
         let ends = [of(motion.start)?, of(motion.end)?];
         (ends[0].rest.end < ends[1].rest.start).then_some(Self { motion, rests: ends })
     }
@@ -50,7 +55,16 @@ impl PastTurn {
     }
 }
 
+/// Face of a cube that points up most.
+fn face(force: &Vector3<f64>) -> [i8; 3] {
+    let mut face = [0; 3];
+    let axis = force.iamax();
+    face[axis] = if force[axis] < 0.0 { -1 } else { 1 };
+    face
+}
+
 impl Member for PastTurn {
+    /// Faces of a cube that were up before and after it: few enough that many spans of time remain.
     type Pose = [[i8; 3]; 2];
     /// As many as a fit needs by far: one of them takes two kilobytes.
     const MOST: usize = 512;
@@ -60,7 +74,7 @@ impl Member for PastTurn {
     }
 
     fn pose(&self) -> [[i8; 3]; 2] {
-        self.rests.each_ref().map(|past| pose(&past.rest.accelerometer.mean, 1.0))
+        self.rests.each_ref().map(|past| face(&past.rest.accelerometer.mean))
     }
 
     fn rank(&self, other: &Self) -> Ordering {

@@ -1,18 +1,16 @@
 //! Timelines of a recording's IMUs, for a report: from its annotations if it has some, otherwise from a learner.
 
 use super::annotations;
+use super::damages::Damages;
 use super::learner::Learner;
 use super::sources::Sources;
 use crate::annotate;
 use crate::config::Config;
 use crate::engine;
 use crate::imu::{ImuId, Reading, Sample, Sensor};
-use crate::record::{Damage, Event, Message};
+use crate::record::{Event, Message};
 use crate::report::{Findings, Timeline};
 use crate::topic;
-
-/// Number of damages listed one by one.
-const LISTED: u64 = 10;
 
 /// Collects timelines from the events of a scan.
 pub(crate) struct Timelines {
@@ -20,33 +18,12 @@ pub(crate) struct Timelines {
     /// Missing inputs and problems, one line each.
     pub(crate) notes: Vec<String>,
     pub(crate) damages: Damages,
+    /// Index of the split that is scanned.
+    split: usize,
     sources: Sources,
     /// Whether the annotations in the recording are used, and nothing is learned.
     annotated: bool,
     samples: Vec<(ImuId, Sensor, Sample)>,
-}
-
-/// Damages, the first of them listed one by one.
-#[derive(Debug, Default)]
-pub(crate) struct Damages {
-    lines: Vec<String>,
-    count: u64,
-}
-
-impl Damages {
-    pub(crate) fn add(&mut self, damage: &Damage) {
-        self.count += 1;
-        if self.count <= LISTED {
-            self.lines.push(format!("damaged {damage}"));
-        }
-    }
-
-    /// Takes the others in place of these if they are more.
-    pub(crate) fn or_more(&mut self, others: Self) {
-        if others.count > self.count {
-            *self = others;
-        }
-    }
 }
 
 impl Timelines {
@@ -57,6 +34,7 @@ impl Timelines {
             imus: Vec::new(),
             notes: Vec::new(),
             damages: Damages::default(),
+            split: 0,
             sources,
             annotated,
             samples: Vec::new(),
@@ -78,7 +56,7 @@ impl Timelines {
                 }
             }
             Event::Damage(damage) => {
-                self.damages.add(damage);
+                self.damages.add(self.split, damage.clone());
             }
             _ => {}
         }
@@ -86,6 +64,7 @@ impl Timelines {
 
     /// Prepares for another split, if one follows.
     pub(crate) fn begin_split(&mut self) {
+        self.split += 1;
         self.sources.begin_split();
     }
 
@@ -103,12 +82,9 @@ impl Timelines {
     /// Timelines, notes, and number of damages.
     pub(crate) fn finish(self) -> (Vec<Timeline>, Vec<String>, u64) {
         let Self { imus, notes, damages, .. } = self;
-        let Damages { mut lines, count } = damages;
-        if count > LISTED {
-            lines.push(format!("{count} damages in all"));
-        }
+        let mut lines = damages.lines();
         lines.extend(notes);
-        (imus, lines, count)
+        (imus, lines, damages.count())
     }
 
     fn annotation(&mut self, imu: &str, event: &engine::Event) {

@@ -432,6 +432,21 @@ fn whole_turns_of_a_table_sharpen_the_gyroscope_once_they_are_declared() {
 }
 
 #[test]
+fn a_table_that_missed_its_mark_is_left_out() {
+    let held = skewed(4);
+    let truth = held.gyro_sensitivity;
+    let mut hand = Hand::new(Held { wobble: 0.02, ..held }, 4).rest(3.0).through_faces(24);
+    for (axis, missed) in [(Vector3::x(), 0.0), (Vector3::y(), 10_f64.to_radians()), (Vector3::z(), 0.0)] {
+        hand = hand.turn_up(axis, 1.5).rest(3.0);
+        let up = hand.up();
+        hand = hand.turn(up * (TAU - missed), 4.0).rest(3.0);
+    }
+    let (_, gyroscope) = learned_with(&hand, fit::Config { whole_turns: true, ..fit::Config::default() });
+    assert_eq!(gyroscope.model(), Model::Turns, "{:?}", gyroscope.notes);
+    assert!(within(&gyroscope, &truth).1 < 6.0, "{:?} {truth}", gyroscope.sensitivity);
+}
+
+#[test]
 fn clipped_turns_are_left_out_and_said() {
     let held = skewed(6);
     let truth = held.gyro_sensitivity;

@@ -128,7 +128,7 @@ fn a_fleet_whose_recordings_show_one_to_three_faces_is_calibrated() {
     for triple in 0..3 {
         let score = Score::of(errors.iter().flat_map(|of| of[triple]));
         // Of forty sensors by chance; `--only merged` of the accuracy benchmark counts more.
-        assert!(score.over_bound < 1.4 && score.covered > 0.87, "from seed {first} on: {score:?}");
+        assert!(score.over_bound < 1.4 && score.covered > 0.84, "from seed {first} on: {score:?}");
     }
     let found = outcomes.iter().filter(|outcome| outcome.is_found()).count();
     let false_alarms: usize = outcomes.iter().map(Outcome::false_alarms).sum();

@@ -85,7 +85,7 @@ fn scores(triad: &Triad, truth: &Matrix3<f64>) -> Vec<f64> {
 
 #[test]
 fn one_recording_alone_is_merged_to_what_its_engine_found() {
-    let hand = Hand::new(held(), randomness().random()).rest(3.0).through_faces(24);
+    let hand = Hand::new(held(), 3).rest(3.0).through_faces(24);
     let alone = found(&hand, 0);
     let merged = only(&joined([&alone]));
     assert!(merged.history.turns >= 20, "{}", merged.history.turns);
@@ -114,7 +114,7 @@ fn one_recording_alone_is_merged_to_what_its_engine_found() {
 #[test]
 fn recordings_of_a_few_turns_each_determine_the_gyroscope_and_the_axes_together() {
     for walk in [0.0, 2e-4] {
-        let all = days(randomness().random(), 8, 5, walk);
+        let all = days(5, 8, 5, walk);
         assert!(all.iter().all(|findings| triads(findings)[1].model() == Model::Bias));
         let merged = only(&joined(&all));
         assert_eq!((merged.history.turns, merged.history.recordings), (40, 8));
@@ -131,7 +131,7 @@ fn recordings_of_a_few_turns_each_determine_the_gyroscope_and_the_axes_together(
 
 #[test]
 fn what_is_no_turn_is_left_out() {
-    let mut all = days(randomness().random(), 1, 5, 0.0);
+    let mut all = days(7, 1, 5, 0.0);
     let turns = |findings: &Findings| joined([findings]).sensors["/imu"].turns().len();
     let sound = turns(&all[0]);
     let spoil: [fn(&mut stillpoint::messages::Turn); 5] = [
@@ -178,7 +178,7 @@ proptest! {
     #[test]
     fn order_and_grouping_of_turns_change_nothing(seed: u64, cuts in prop::collection::vec(0_usize..6, 0..3)) {
         static DAYS: OnceLock<Vec<Findings>> = OnceLock::new();
-        let all = DAYS.get_or_init(|| days(randomness().random(), 6, 5, 1e-4));
+        let all = DAYS.get_or_init(|| days(11, 6, 5, 1e-4));
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let whole = joined(all);
         let mut shuffled = all.clone();

@@ -199,13 +199,18 @@ impl<'a> TurnSolution<'a> {
         }
         let white = self.whitened(AS_ASSUMED, None)?;
         let kept = (0..self.equations.len()).filter(|k| self.kept[*k]);
-        let size = |(residual, by): &Whitened| (residual + by * all.step).norm_squared();
-        let mut largest: Vec<_> = kept.zip(&white).map(|(k, white)| (k, size(white))).collect();
+        let of_declared = |k: usize| self.declared.iter().filter(move |declared| declared.turn == k);
+        let size = |k: usize, (residual, by): &Whitened| {
+            let declared = of_declared(k).map(|declared| (declared.residual + declared.by.dot(&all.step)).powi(2));
+            (residual + by * all.step).norm_squared() + declared.sum::<f64>()
+        };
+        let mut largest: Vec<_> = kept.zip(&white).map(|(k, white)| (k, size(k, white))).collect();
         largest.sort_by(|(_, a), (_, b)| b.total_cmp(a));
         let without = |&(k, _): &(usize, f64)| {
             let others = self.solve(AS_ASSUMED, Some(k))?;
             let left = others.squares / others.freedom.max(1.0);
-            Some((k, (all.squares - others.squares) / 2.0 / left.max(1.0)))
+            let equations = 2.0 + of_declared(k).count() as f64;
+            Some((k, (all.squares - others.squares) / equations / left.max(1.0)))
         };
         let worst = largest.iter().take(TRIED).filter_map(without).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
         (worst.1 > BEYOND).then_some(worst.0)
@@ -289,16 +294,26 @@ impl<'a> TurnSolution<'a> {
         let Some(white) = self.whitened(self.level, None) else { return false };
         let by_inverse = by_inverse(sensitivity);
         let variances = of_sensitivity(sensitivity, &solved.covariance).diagonal();
-        white.iter().all(|(residual, by)| {
-            let gain = solved.covariance * by.transpose();
-            let left = residual + by * solved.step;
-            let Some(inverse) = (Matrix2::identity() - by * gain).try_inverse() else { return false };
-            let moved = gain * inverse * left;
+        let holds_without = |gain: &SMatrix<f64, UNKNOWNS, 2>, moved: &TurnRow, inverse: &Matrix2<f64>| {
             let widened = by_inverse * gain.fixed_rows::<9>(0);
             let more = (widened * inverse).component_mul(&widened).column_sum();
             let precise =
                 (variances + more).iter().all(|variance| NORMAL_95 * variance.max(0.0).sqrt() <= 2.0 * PRECISE);
             precise && moved.iter().zip(half_widths).all(|(moved, half)| moved.abs() <= 1.5 * half)
+        };
+        // A declared turn is asked for its direction and for its declaration, one after the other.
+        let of_turns = white.iter().map(|(residual, by)| (*residual, *by));
+        let of_declared = self.declared.iter().filter(|declared| self.kept.get(declared.turn) == Some(&true));
+        let of_declared = of_declared.map(|declared| {
+            let mut by = SMatrix::<f64, 2, UNKNOWNS>::zeros();
+            by.set_row(0, &declared.by.transpose());
+            (Vector2::new(declared.residual, 0.0), by)
+        });
+        of_turns.chain(of_declared).all(|(residual, by)| {
+            let gain = solved.covariance * by.transpose();
+            let left = residual + by * solved.step;
+            let Some(inverse) = (Matrix2::identity() - by * gain).try_inverse() else { return false };
+            holds_without(&gain, &(gain * inverse * left), &inverse)
         })
     }
 }

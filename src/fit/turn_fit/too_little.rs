@@ -25,14 +25,16 @@ pub enum TooLittle {
     },
     /// Rotations about the vertical, which do not turn gravity.
     #[error(
-        "the turns are about the vertical ({turned} of {all} tilt it by 30° or more), and such turns show no scale: turn the sensor \
-         over, or declare what the rotations were"
+        "the turns are about the vertical ({turned} of {all} tilt it by 30° or more), and such turns show {}: turn the sensor \
+         over, {LEAST_TURNS} times or more", if *declared { "one scale alone" } else { "no scale" }
     )]
     AboutVertical {
         /// Turns that tilt the sensor by 30° or more.
         turned: usize,
         /// All turns.
         all: usize,
+        /// Whether some of them are declared to be whole turns.
+        declared: bool,
     },
     /// Entry that is not precise enough.
     #[error("the turns tell {entry} to ±{:.2} %, and ±{:.1} % would do: more turns, about all axes", 100.0 * half_width, 100.0 * PRECISE)]

@@ -1,6 +1,6 @@
 //! Protobuf schemas: a serialised `FileDescriptorSet` with all dependencies of the message.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -108,10 +108,10 @@ impl DescriptorResolver<'_> {
         self.ids.insert(name.to_owned(), None);
         self.messages.push(Message::new(name, Vec::new()));
         let mut fields: Vec<Field> = Vec::with_capacity(definition.field.len());
+        let (mut names, mut numbers) = (BTreeSet::new(), BTreeSet::new());
         for field in &definition.field {
             let tag = self.tag(field).map_err(|why| format!("{name}.{}: {why}", field.name()))?;
-            let same = |other: &Field| other.name == field.name() || other.tag.map(|t| t.number) == Some(tag.number);
-            if fields.iter().any(same) {
+            if !names.insert(field.name()) || !numbers.insert(tag.number) {
                 return Err(format!("{name} has two fields `{}` or numbered {}", field.name(), tag.number));
             }
             let kind = self.kind(field, depth).map_err(|why| format!("{name}.{}: {why}", field.name()))?;

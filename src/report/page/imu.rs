@@ -74,11 +74,13 @@ impl<'a> Imu<'a> {
         self.findings.calibration.as_ref()?.accelerometer.as_ref()
     }
 
-    /// Sensors whose readings the rests tell, in the order of first appearance.
+    /// Sensors whose readings the rests tell, in the order of first appearance; of very many the first ones.
     pub(super) fn sensors(&self) -> Vec<&'a str> {
+        /// More have no place on a page.
+        const MOST: usize = 64;
         let mut sensors = Vec::new();
         for mean in self.rests.iter().flat_map(|rest| &rest.segment.means) {
-            if !sensors.contains(&mean.sensor.as_str()) {
+            if sensors.len() < MOST && !sensors.contains(&mean.sensor.as_str()) {
                 sensors.push(mean.sensor.as_str());
             }
         }

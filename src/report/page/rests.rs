@@ -11,6 +11,8 @@ use crate::Stamp;
 use crate::report::NearMiss;
 use crate::report::plot::{Along, Plot, Scale, moment};
 
+/// Most secondary accelerometers whose residuals are drawn.
+const DRAWN_SENSORS: usize = 8;
 /// Most rests that are drawn, and most that are listed.
 const DRAWN: usize = 600;
 const LISTED: usize = 200;
@@ -20,7 +22,7 @@ pub(super) fn residuals(imu: &Imu<'_>) -> Option<Markup> {
     let primary: Vec<_> = imu.rests.iter().map(|rest| rest.residual).collect();
     let primary = pair(imu, &primary, ["Before: ‖a‖ − g of the mean reading, m/s²", "After correction, m/s²"]);
     let sensors = imu.sensors().into_iter().filter(|sensor| !matches!(*sensor, "accelerometer" | "gyroscope"));
-    let secondary = sensors.filter_map(|sensor| {
+    let secondary = sensors.take(DRAWN_SENSORS).filter_map(|sensor| {
         let captions = ["before: ‖a‖ − g of the mean reading, m/s²", "after correction, m/s²"];
         let captions = captions.map(|caption| format!("{sensor}, {caption}"));
         pair(imu, &imu.residuals_of(sensor), captions.each_ref().map(String::as_str))

@@ -54,7 +54,9 @@ impl Recording {
     /// The original in the file, if Stillpoint annotated it.
     pub(crate) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         match self.kind()? {
-            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..self.again()? })),
+            Kind::Annotated { original, mut settings, .. } => {
+                Ok(Some(Self { original, annotated_with: settings.remove("configuration"), ..self.again()? }))
+            }
             Kind::Sidecar { .. } => Err(self.is_a_sidecar()),
             Kind::Recording | Kind::Edited { .. } => self.original_within(inventory),
         }
@@ -134,7 +136,9 @@ impl Recording {
             return Ok(None);
         }
         match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
-            Kind::Annotated { original, .. } => Ok(Some(Self { original, ..self.again()? })),
+            Kind::Annotated { original, mut settings, .. } => {
+                Ok(Some(Self { original, annotated_with: settings.remove("configuration"), ..self.again()? }))
+            }
             _ => Ok(None),
         }
     }

@@ -185,18 +185,19 @@ impl Input {
         }
     }
 
-    /// Calls `each` with the damages of originals that do not show in their annotated copies.
+    /// Calls `each` with the index of a split and a damage, for all damages of originals that are damaged where their
+    /// annotated copies are whole.
     pub(crate) fn hidden_damages(
         &self,
         limits: Limits,
         watch: Watch<'_>,
-        mut each: impl FnMut(Damage),
+        mut each: impl FnMut(usize, Damage),
     ) -> Result<(), Error> {
-        for split in &self.splits {
+        for (index, split) in self.splits.iter().enumerate() {
             let Some(original) = split.damaged_original()? else { continue };
             original.scan(limits, watch, &mut |event: Event<'_>| {
                 if let Event::Damage(damage) = event {
-                    each(damage);
+                    each(index, damage);
                 }
                 Ok(())
             })?;

@@ -6,6 +6,7 @@ use crate::Error;
 use crate::config::Config;
 use crate::pipeline::annotations;
 use crate::pipeline::channel_table::ChannelTable;
+use crate::pipeline::damages::Damages;
 use crate::record::{Damage, Event, Limits};
 use crate::report::Findings;
 use crate::run::batch::calibrate;
@@ -32,14 +33,6 @@ pub struct Found {
 /// If it cannot be read, or has neither annotations nor a usable IMU topic.
 pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Found, Error> {
     let mut found = read_annotations(input, config.limits.of_recordings(), watch)?;
-    let (mut first, mut hidden) = (None, 0);
-    input.hidden_damages(config.limits.of_recordings(), watch, |damage| {
-        hidden += 1;
-        first.get_or_insert(damage);
-    })?;
-    if hidden > found.damages {
-        (found.damage, found.damages) = (first, hidden);
-    }
     if found.imus.is_empty() {
         let learned = calibrate(input, config, watch)?;
         let channels = learned.channels.iter().map(|(channel, _)| channel);
@@ -50,7 +43,7 @@ pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Foun
 }
 
 fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<Found, Error> {
-    let Found { mut imus, mut damage, mut damages, .. } = Found::default();
+    let (mut imus, mut damages, mut split): (Vec<Findings>, _, _) = (Vec::new(), Damages::default(), 0);
     let mut table = ChannelTable::default();
     input.scan(limits, watch, |read| {
         match read {
@@ -65,13 +58,15 @@ fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<F
                 }
             }
             Read::Event(Event::Damage(found)) => {
-                damages += 1;
-                damage.get_or_insert(found);
+                damages.add(split, found);
             }
             Read::Event(event) => {
                 table.take(&event);
             }
-            Read::SplitEnd => table.begin_split(),
+            Read::SplitEnd => {
+                split += 1;
+                table.begin_split();
+            }
         }
         Ok(())
     })?;
@@ -83,7 +78,10 @@ fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<F
     }
     let channels = table.iter().map(|entry| (entry.channel.topic.as_str(), &entry.channel.metadata));
     let metadata = metadata(&imus, channels);
-    Ok(Found { imus, metadata, damage, damages })
+    let mut hidden = Damages::default();
+    input.hidden_damages(limits, watch, |split, damage| hidden.add(split, damage))?;
+    damages.or_more(hidden);
+    Ok(Found { imus, metadata, damage: damages.first().cloned(), damages: damages.count() })
 }
 
 /// Metadata of the channels on the topics of these IMUs.

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 
 use crate::Error;
 use crate::config::{Config, Layer};
+use crate::pipeline::damages::Damages;
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::no_imu;
-use crate::pipeline::timelines::{Damages, Timelines};
+use crate::pipeline::timelines::Timelines;
 use crate::report::Timeline;
 use crate::run::input::recording::Watch;
 use crate::run::input::splits::{Input, Read};
@@ -70,11 +71,9 @@ fn report_data_in_order(
         learner.iter_mut().for_each(|learner| timelines.learned(learner));
         Ok(())
     })?;
-    if settings.is_some() {
-        let mut hidden = Damages::default();
-        input.hidden_damages(config.limits.of_recordings(), watch, |damage| hidden.add(&damage))?;
-        timelines.damages.or_more(hidden);
-    }
+    let mut hidden = Damages::default();
+    input.hidden_damages(config.limits.of_recordings(), watch, |split, damage| hidden.add(split, damage))?;
+    timelines.damages.or_more(hidden);
     if let Some(apart) = learner.as_ref().and_then(Learner::apart) {
         return report_data_in_order(input, config, watch, Some(apart));
     }

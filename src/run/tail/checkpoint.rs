@@ -145,7 +145,7 @@ impl Checkpoint {
             return Ok(());
         }
         let bytes = encode(owner, None).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
-        // Not synced: on a busy disk that takes seconds, and all that a power cut could lose is the mark.
+        // Not synced: on a busy disk that takes seconds. A power cut may leave an empty file, which is taken for a mark.
         replace(&self.path, &bytes, false)
     }
 
@@ -207,7 +207,8 @@ pub(crate) fn is_foreign(path: &Path) -> bool {
     let begins = |file: std::fs::File| {
         let mut start = [0; OURS.len()];
         let read = std::os::unix::fs::FileExt::read_exact_at(&file, &mut start, 0);
-        read.is_ok() && start == OURS
+        let empty = file.metadata().is_ok_and(|data| data.len() == 0);
+        empty || read.is_ok() && start == OURS
     };
     path.symlink_metadata().is_ok() && !regular::open_own(path).is_ok_and(begins)
 }

@@ -52,7 +52,8 @@ impl Shell<'_> {
     /// Follows a file to its end.
     fn record_file(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<Ending, Error> {
         let mut last = Instant::now();
-        let mut useless = Some(last + USELESS);
+        // Of several files the first one tells.
+        let mut useless = progression.done.is_empty().then(|| last + USELESS);
         let mut unnamed = None;
         loop {
             progression.scan.extend(progression.growing.length());
@@ -64,8 +65,8 @@ impl Shell<'_> {
             self.save_if_due(progression, notify);
             loop {
                 progression.tell_progress(self.sidecar_file.length(), notify);
-                if useless.take_if(|due| *due <= Instant::now()).is_some() {
-                    progression.tell_useless(notify);
+                if useless.is_some_and(|due| due <= Instant::now()) && progression.notify_useless(notify) {
+                    useless = None;
                 }
                 self.pause(self.following.poll)?;
                 match self.patiently(notify, |_| progression.growing.look())? {

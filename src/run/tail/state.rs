@@ -32,12 +32,17 @@ pub(super) struct Progression {
 }
 
 impl Progression {
-    /// Says why nothing is used so far, if there are topics and none is.
-    pub(super) fn tell_useless(&self, notify: Notify<'_>) {
-        if !self.learner.has_imu() && self.learner.sources().channels().next().is_some() {
-            let why = why_no_imu(self.learner.sources(), &self.learner.obstacles());
+    /// Says why nothing is used so far, if there are topics and none is; returns whether it is settled.
+    pub(super) fn notify_useless(&self, notify: Notify<'_>) -> bool {
+        let sources = self.learner.sources();
+        if !self.learner.has_imu() && sources.channels().next().is_none() {
+            return false;
+        }
+        if !self.learner.has_imu() {
+            let why = why_no_imu(sources, &self.learner.obstacles());
             notify(Notice::Trouble(&format!("so far, {why}; waiting for one that begins later")));
         }
+        true
     }
 
     /// Resumes the work of a killed run, or begins anew.

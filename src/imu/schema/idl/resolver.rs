@@ -1,6 +1,6 @@
 //! IDL definitions resolved to messages: names are looked up from their scope, aliases followed, array sizes computed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::parser::{Definition, IdlDefinitions, Struct, Type};
 use crate::imu::schema::layout::{Count, Evolution, Field, Kind, Message};
@@ -26,7 +26,7 @@ const MAX_DEPTH: usize = 32;
 /// Largest number of messages: real schemas have fewer. Lists of lists add messages of their own.
 const MAX_MESSAGES: usize = 4096;
 
-impl IdlResolver<'_> {
+impl<'a> IdlResolver<'a> {
     /// Struct that a schema is named after: `pkg/msg/Type`, `pkg::msg::Type`, or the only one of that name.
     fn root(&self, schema_name: &str) -> Result<String, String> {
         let wanted = schema_name.replace('/', "::");
@@ -58,7 +58,7 @@ impl IdlResolver<'_> {
         self.ids.insert(name.to_owned(), None);
         let id = self.add(Message { name: plain(name), fields: Vec::new(), evolution: structure.evolution })?;
         let mut fields = Vec::new();
-        self.members(name, structure, &mut fields, depth)?;
+        self.members(name, structure, &mut fields, &mut BTreeSet::new(), depth)?;
         if let Some(message) = self.messages.get_mut(id) {
             message.fields = fields;
         }
@@ -67,7 +67,14 @@ impl IdlResolver<'_> {
     }
 
     /// Appends the members of a struct, after those of the struct that it inherits from.
-    fn members(&mut self, name: &str, own: &Struct, fields: &mut Vec<Field>, depth: usize) -> Result<(), String> {
+    fn members(
+        &mut self,
+        name: &str,
+        own: &'a Struct,
+        fields: &mut Vec<Field>,
+        names: &mut BTreeSet<&'a str>,
+        depth: usize,
+    ) -> Result<(), String> {
         if depth > MAX_DEPTH {
             return Err(format!("{name} is nested too deeply"));
         }
@@ -75,13 +82,13 @@ impl IdlResolver<'_> {
         if let Some(base) = &own.base {
             let base = self.look_up(name, base)?;
             match definitions.get(&base) {
-                Some(Definition::Struct(structure)) => self.members(&base, structure, fields, depth + 1)?,
+                Some(Definition::Struct(structure)) => self.members(&base, structure, fields, names, depth + 1)?,
                 Some(Definition::Unread(why)) => return Err(why.clone()),
                 _ => return Err(format!("{base}, which {name} inherits from, is not a struct")),
             }
         }
         for (member, kind) in &own.members {
-            if fields.iter().any(|field| field.name == *member) {
+            if !names.insert(member) {
                 return Err(format!("{name} has two members `{member}`"));
             }
             let (kind, count) = self.kind(name, kind, depth).map_err(|why| match why.starts_with("a ") {
