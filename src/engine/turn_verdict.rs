@@ -142,7 +142,7 @@ impl<'a> View<'a> {
         });
         let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
         let (followed, on_table) = followed.filter(|_| whole).unzip();
-        let counts = matches!(verdict.reason, Reason::Used | Reason::Outlier);
+        let counts = verdict.reason != Reason::Unrest;
         let on_table: Option<f64> = on_table.flatten().filter(|_| counts);
         let declared = on_table.filter(|_| self.whole_turns);
         let (start, end) = turn.span();
