@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use zstd::stream::raw::{Decoder, InBuffer, Operation, OutBuffer};
 
+use super::chunk_check::ChunkCheck;
 use super::limits::Limits;
 use super::records::{ChunkHeader, ChunkIndex};
-use super::survey::Survey;
 use super::wire::Fields;
 
 /// Whether chunks of this compression can be opened.
@@ -91,7 +91,7 @@ pub(super) struct Content {
     pub(super) place: Place,
     /// Chunk index without the chunk's place in the file, which the chunk itself does not know.
     pub(super) index: ChunkIndex,
-    pub(super) survey: Survey,
+    pub(super) survey: ChunkCheck,
     /// Whether the chunk decompresses to more than it claims.
     pub(super) more: bool,
 }
@@ -106,7 +106,7 @@ impl Content {
         limits: &Limits,
     ) -> Result<Self, String> {
         let place = inflate.open(header, bytes)?;
-        let survey = Survey::of(inflate.records(place, bytes), limits)?;
+        let survey = ChunkCheck::of(inflate.records(place, bytes), limits)?;
         let mut index = header.index();
         // Without messages both are 0, whatever the header says.
         (index.start_time, index.end_time) = survey.span.unwrap_or_default();

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Error;
 use super::Inventory;
-use super::horizon::Frame;
+use super::frame_window::Frame;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};

@@ -7,11 +7,11 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+use super::chunk_check::ChunkCheck;
 use super::limits::Limits;
 use super::marks::{INDEXES, METADATA, TAIL};
 use super::records::Header;
 use super::summary::Summary;
-use super::survey::Survey;
 use super::{Channel, Schema};
 
 /// Contents of a recording: its whole records, their places and counts.
@@ -174,7 +174,7 @@ impl Inventory {
     }
 
     /// Counts the messages of a survey.
-    pub(super) fn count(&mut self, survey: &Survey) {
+    pub(super) fn count(&mut self, survey: &ChunkCheck) {
         for (&channel, tally) in &survey.tallies {
             self.summary.count(channel, tally.count);
         }
@@ -197,7 +197,7 @@ impl Inventory {
     }
 
     /// Reason why these records exceed the limits on definitions; `None` if they do not.
-    pub(super) fn refuses(&self, survey: &Survey, limits: &Limits) -> Option<String> {
+    pub(super) fn refuses(&self, survey: &ChunkCheck, limits: &Limits) -> Option<String> {
         let Limits { definitions, channels: most, .. } = *limits;
         let Summary { schemas, channels, .. } = &self.summary;
         let new =

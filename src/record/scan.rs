@@ -11,8 +11,9 @@ mod check_crc;
 mod check_indexes;
 mod damage;
 mod data_crc;
+mod early_summary;
+mod emission;
 mod event;
-mod guide;
 mod judge_length;
 mod message_indexes;
 mod original;
@@ -26,7 +27,6 @@ mod resync;
 mod search;
 mod summary_section;
 mod swallowed;
-mod telling;
 
 use std::collections::VecDeque;
 
@@ -35,17 +35,17 @@ use mcap::MAGIC;
 use self::attachments::Attaching;
 use self::bounds::Bounds;
 use self::data_crc::DataCrc;
+use self::early_summary::{Asking, EarlySummary};
+use self::emission::Emission;
 pub use self::event::{Damage, Event};
-use self::guide::{Asking, Guide};
 use self::message_indexes::{ChunkReindexing, IndexCheck};
 use self::original::{Ours, Recognising};
 pub use self::position::Position;
 use self::search::{Search, Synchronisation};
 use self::summary_section::SummarySection;
 use self::swallowed::LOOK;
-use self::telling::Telling;
 use super::chunk::{Inflate, Opened};
-use super::horizon::{Extent, Frame, Horizon, Stop};
+use super::frame_window::{Extent, Frame, FrameWindow, Stop};
 use super::wire::{FRAME, op};
 use super::{Error, Inventory, Limits, Message};
 
@@ -86,7 +86,7 @@ use super::{Error, Inventory, Limits, Message};
 /// ```
 #[derive(Default)]
 pub struct Scan {
-    horizon: Horizon,
+    horizon: FrameWindow,
     inflate: Inflate,
     inventory: Inventory,
     stage: Stage,
@@ -95,7 +95,7 @@ pub struct Scan {
     indexes: IndexCheck,
     sync: Synchronisation,
     /// Content of the summary, once it was read early.
-    guide: Option<Guide>,
+    guide: Option<EarlySummary>,
     /// Content of the summary section, until its CRC is known.
     summary: SummarySection,
     /// Parts of the file that Stillpoint wrote, if it is an annotated recording, and whether its end was searched for
@@ -152,7 +152,7 @@ enum Stage {
     Record,
     /// A chunk was offered and waits for the answer.
     Offering(Frame),
-    Telling(Telling),
+    Emission(Emission),
     Attaching(Attaching),
     Asking(Box<Asking>),
     Reindexing(Box<ChunkReindexing>),
@@ -281,7 +281,7 @@ impl Scan {
                 Stage::Recognising(_) => self.recognise(),
                 Stage::Record => self.record(),
                 Stage::Offering(frame) => return Ok(Step::Chunk(*frame)),
-                Stage::Telling(telling) => {
+                Stage::Emission(telling) => {
                     if telling.advance(&self.inflate, &self.horizon) {
                         return Ok(Step::Message);
                     }
@@ -319,7 +319,7 @@ impl Scan {
     }
 
     fn message(&self) -> Option<Message<'_>> {
-        let Stage::Telling(telling) = &self.stage else { return None };
+        let Stage::Emission(telling) = &self.stage else { return None };
         let records = telling.records(&self.inflate, &self.horizon);
         Message::parse(records.get(telling.at.start + FRAME..telling.at.end)?)
     }

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use super::Error;
 use super::footer::{CLOSING, Footer};
-use super::horizon::{Extent, Frame, Horizon, Stop};
+use super::frame_window::{Extent, Frame, FrameWindow, Stop};
 
 /// Random access to bytes.
 pub trait ReadAt {
@@ -29,7 +29,7 @@ impl ReadAt for &[u8] {
 /// Walk over the records in a part of a file.
 #[derive(Default)]
 pub(super) struct Walk {
-    horizon: Horizon,
+    horizon: FrameWindow,
     /// Length of the record returned last, opcode and length included.
     passed: u64,
     end: u64,
@@ -39,7 +39,7 @@ pub(super) struct Walk {
 
 impl Walk {
     pub(super) fn new(range: Range<u64>, block: u64) -> Self {
-        let mut horizon = Horizon::default();
+        let mut horizon = FrameWindow::default();
         horizon.set_extent(Extent { length: range.end, finished: true });
         horizon.skip(range.start);
         Self { horizon, passed: 0, end: range.end, block }

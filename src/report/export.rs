@@ -4,7 +4,7 @@
 pub(super) mod autopilot;
 mod imu_calib;
 mod kalibr;
-mod own;
+mod stillpoint;
 
 use std::str::FromStr;
 
@@ -27,8 +27,15 @@ pub struct Format {
 
 impl Format {
     /// Every format.
-    pub const ALL: &[Self] =
-        &[own::JSON, own::YAML, kalibr::RESULTS, kalibr::INPUT, imu_calib::YAML, autopilot::PX4, autopilot::ARDUPILOT];
+    pub const ALL: &[Self] = &[
+        stillpoint::JSON,
+        stillpoint::YAML,
+        kalibr::RESULTS,
+        kalibr::INPUT,
+        imu_calib::YAML,
+        autopilot::PX4,
+        autopilot::ARDUPILOT,
+    ];
 
     /// The format of that name.
     pub fn named(name: &str) -> Option<Self> {

@@ -1,7 +1,7 @@
 //! Readings as messages, in each of the encodings, with their schemas. Their topics are left to `write`.
 
-mod own;
 mod ros;
+mod vendor;
 
 use nalgebra::Vector3;
 
@@ -65,8 +65,8 @@ impl Encoding {
         match self {
             Self::Ros2 => ros::ros2_schema(of),
             Self::Ros1 => ros::ros1_schema(of),
-            Self::Protobuf => own::protobuf_schema(of),
-            Self::Json => own::json_schema(of),
+            Self::Protobuf => vendor::protobuf_schema(of),
+            Self::Json => vendor::json_schema(of),
         }
     }
 
@@ -74,8 +74,8 @@ impl Encoding {
         match self {
             Self::Ros2 => ros::ros2(header, body),
             Self::Ros1 => ros::ros1(header, body),
-            Self::Protobuf => own::protobuf(header, body),
-            Self::Json => own::json(header, body),
+            Self::Protobuf => vendor::protobuf(header, body),
+            Self::Json => vendor::json(header, body),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Reading of the summary ahead of time, and the return to the data.
 
-use super::guide::{Asking, Guide};
+use super::early_summary::{Asking, EarlySummary};
 use super::{Scan, Stage};
-use crate::record::horizon::Stop;
+use crate::record::frame_window::Stop;
 
 impl Scan {
     /// Starts to read the summary, to return here afterwards. A growing recording has none yet, so the scan waits.
@@ -32,7 +32,7 @@ impl Scan {
                 self.learn_from_summary(schemas, channels);
                 guide
             }
-            false => Guide::default(),
+            false => EarlySummary::default(),
         };
         self.guide = Some(guide);
         Ok(())

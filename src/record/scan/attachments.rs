@@ -3,7 +3,7 @@
 use crc32fast::Hasher;
 
 use super::data_crc::DataCrc;
-use crate::record::horizon::{Frame, Horizon, Stop};
+use crate::record::frame_window::{Frame, FrameWindow, Stop};
 use crate::record::records::AttachmentIndex;
 
 /// An attachment whose CRC is being computed. It is never held in memory.
@@ -16,7 +16,7 @@ pub(super) struct Attaching {
 
 impl Attaching {
     /// Hashes the buffered bytes, until all attached bytes have been seen and the stored CRC is buffered.
-    pub(super) fn hash(&mut self, horizon: &mut Horizon, data: &mut DataCrc) -> Result<(), Stop> {
+    pub(super) fn hash(&mut self, horizon: &mut FrameWindow, data: &mut DataCrc) -> Result<(), Stop> {
         while self.left > 0 {
             horizon.peek(1)?;
             let buffered = horizon.buffered();

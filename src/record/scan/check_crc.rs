@@ -2,7 +2,7 @@
 
 use super::Scan;
 use crate::record::chunk::Opened;
-use crate::record::horizon::Frame;
+use crate::record::frame_window::Frame;
 
 impl Scan {
     /// Checks the CRC of the data section even if there are chunks. This is possible only if all of them are opened.

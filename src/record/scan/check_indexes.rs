@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use super::message_indexes::{ChunkReindexing, OpenChunk};
 use super::{Scan, Stage};
-use crate::record::horizon::{Frame, Stop};
+use crate::record::frame_window::{Frame, Stop};
+use crate::record::plausibility::{Measure, measure};
 use crate::record::records::parse_message_index;
 use crate::record::reindex::Reindexed;
-use crate::record::shape::{Measure, measure};
 use crate::record::wire::op;
 
 impl Scan {

@@ -6,8 +6,8 @@ use mcap::MAGIC;
 use super::event::Damage;
 use super::search::Search;
 use super::{Scan, Stage, Step};
-use crate::record::horizon::{Frame, Stop};
-use crate::record::shape::Measure;
+use crate::record::frame_window::{Frame, Stop};
+use crate::record::plausibility::Measure;
 use crate::record::wire::{FRAME, op};
 
 impl Scan {

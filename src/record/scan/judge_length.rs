@@ -8,9 +8,9 @@ use super::bounds::{Bounds, REACH};
 use super::search::Search;
 use super::swallowed::{LOOK, swallowed};
 use crate::record::chunk::knows;
-use crate::record::horizon::{Frame, Stop};
+use crate::record::frame_window::{Frame, Stop};
+use crate::record::plausibility::{Measure, SPARE, begins, end, fits, head, measure};
 use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
-use crate::record::shape::{Measure, SPARE, begins, end, fits, head, measure};
 use crate::record::wire::{FRAME, Fields, op};
 use crate::record::{Channel, Message, Schema};
 

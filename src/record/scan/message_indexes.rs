@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::record::chunk_check::Tally;
+use crate::record::plausibility::{Measure, measure};
 use crate::record::records::{ChunkIndex, parse_message_index};
-use crate::record::shape::{Measure, measure};
-use crate::record::survey::Tally;
 use crate::record::wire::op;
 
 /// State of the message-index check.

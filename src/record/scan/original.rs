@@ -1,6 +1,6 @@
 //! The original inside an annotated recording, scanned as if it stood alone: the meaning of its records must not depend
 //! on what was written after them. Otherwise a record that was cut off would swallow the annotations.
-//! [`own`](crate::record::own) determines more carefully who wrote a file.
+//! [`provenance`](crate::record::own) determines more carefully who wrote a file.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use std::ops::Range;
 use mcap::MAGIC;
 
 use crate::record::footer::{CLOSING, Footer};
-use crate::record::horizon::{Extent, Horizon, Stop};
+use crate::record::frame_window::{Extent, FrameWindow, Stop};
 use crate::record::marks::{COMPLETED, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use crate::record::records::{AttachmentIndex, MetadataIndex, parse_metadata};
 use crate::record::wire::{DATA_END, FRAME, Fields, op};
@@ -88,7 +88,7 @@ pub(super) struct Recognising {
 
 impl Recognising {
     /// Reads on; `None` in the end if Stillpoint did not write it.
-    pub(super) fn read(&mut self, horizon: &mut Horizon) -> Result<Option<Ours>, Stop> {
+    pub(super) fn read(&mut self, horizon: &mut FrameWindow) -> Result<Option<Ours>, Stop> {
         let length = horizon.extent().length;
         let Some(footer) = length.checked_sub(CLOSING as u64) else { return Ok(None) };
         let (data_end, offsets) = match self.ends {
@@ -151,7 +151,7 @@ impl Recognising {
 }
 
 /// Bytes in a range of the file.
-fn bytes(horizon: &mut Horizon, range: Range<u64>) -> Result<&[u8], Stop> {
+fn bytes(horizon: &mut FrameWindow, range: Range<u64>) -> Result<&[u8], Stop> {
     horizon.seek(range.start);
     horizon.peek((range.end - range.start) as usize)
 }

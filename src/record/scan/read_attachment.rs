@@ -5,7 +5,7 @@ use crc32fast::Hasher;
 use super::attachments::Attaching;
 use super::search::HEAD;
 use super::{Scan, Stage};
-use crate::record::horizon::{Frame, Stop};
+use crate::record::frame_window::{Frame, Stop};
 use crate::record::records::AttachmentIndex;
 use crate::record::wire::{FRAME, Fields};
 

@@ -3,16 +3,16 @@
 
 use std::collections::BTreeSet;
 
+use super::emission::Emission;
 use super::message_indexes::OpenChunk;
 use super::search::HEAD;
-use super::telling::Telling;
 use super::{Scan, Stage, Step, Supply};
 use crate::record::Message;
 use crate::record::chunk::{Content, Place, locate};
-use crate::record::horizon::{Frame, Stop};
+use crate::record::chunk_check::ChunkCheck;
+use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
 use crate::record::records::{ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_metadata};
-use crate::record::survey::Survey;
 use crate::record::wire::{FRAME, Fields, op};
 
 /// Largest plausible distance of a log time from those already seen, in nanoseconds (one day).
@@ -106,11 +106,12 @@ impl Scan {
             Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
             None => (None, false),
         };
-        let survey =
-            Survey::of(whole, &self.limits).and_then(|survey| match self.inventory.refuses(&survey, &self.limits) {
+        let survey = ChunkCheck::of(whole, &self.limits).and_then(|survey| {
+            match self.inventory.refuses(&survey, &self.limits) {
                 Some(what) => Err(what),
                 None => Ok(survey),
-            });
+            }
+        });
         match survey {
             Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
@@ -126,8 +127,14 @@ impl Scan {
                     *usual = usual.filter(|&usual| usual == frame.length);
                 }
                 self.admit(frame, survey);
-                self.stage =
-                    Stage::Telling(Telling { frame, data: 0..size, place: Place::Plain, opened: None, at: 0..0, ends });
+                self.stage = Stage::Emission(Emission {
+                    frame,
+                    data: 0..size,
+                    place: Place::Plain,
+                    opened: None,
+                    at: 0..0,
+                    ends,
+                });
             }
             Err(what) => {
                 self.reject(frame, what);
@@ -159,7 +166,7 @@ impl Scan {
     }
 
     /// Whether there are messages on channels that neither these records nor earlier ones define.
-    fn is_at_a_loss(&self, survey: &Survey) -> bool {
+    fn is_at_a_loss(&self, survey: &ChunkCheck) -> bool {
         let channels = self.inventory.channels();
         let mut new = survey.tallies.keys().filter(|id| !channels.contains_key(id)).peekable();
         if new.peek().is_none() {
@@ -220,7 +227,7 @@ impl Scan {
                 self.admit(frame, survey);
                 self.inventory.opened = self.inventory.opened.saturating_add(size);
                 self.indexes.chunk = Some(OpenChunk { index, tallies, span: None, followed: false });
-                self.stage = Stage::Telling(Telling { frame, data, place, opened, at: 0..0, ends: true });
+                self.stage = Stage::Emission(Emission { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
                 self.horizon.may_change(frame.end())?;
@@ -267,7 +274,7 @@ impl Scan {
     }
 
     /// Notes the definitions and messages of records that are in order.
-    fn admit(&mut self, frame: Frame, survey: Survey) {
+    fn admit(&mut self, frame: Frame, survey: ChunkCheck) {
         self.inventory.count(&survey);
         for schema in survey.schemas {
             let id = schema.id;

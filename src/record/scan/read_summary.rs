@@ -4,7 +4,7 @@ use mcap::MAGIC;
 
 use super::summary_section::SummarySection;
 use super::{Scan, Stage, Step};
-use crate::record::horizon::{Frame, Stop};
+use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
 use crate::record::wire::{FRAME, Fields, op};
 use crate::record::{Channel, Schema};

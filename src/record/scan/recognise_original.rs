@@ -2,7 +2,7 @@
 
 use super::original::{Ours, Recognising};
 use super::{Scan, Stage};
-use crate::record::horizon::{Extent, Frame, Stop};
+use crate::record::frame_window::{Extent, Frame, Stop};
 use crate::record::wire::op;
 
 impl Scan {

@@ -6,9 +6,9 @@ use super::search::{HEAD, Search};
 use super::swallowed::LOOK;
 use super::{Scan, Stage, Step};
 use crate::record::chunk::knows;
-use crate::record::horizon::{Frame, Stop};
+use crate::record::frame_window::{Frame, Stop};
+use crate::record::plausibility::{Measure, SPARE, end, fits, head};
 use crate::record::records::{AttachmentIndex, ChunkHeader, parse_metadata};
-use crate::record::shape::{Measure, SPARE, end, fits, head};
 use crate::record::wire::{DATA_END, FRAME, Fields, op};
 use crate::record::{Channel, Schema};
 

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::record::horizon::Frame;
-use crate::record::shape::{Measure, end};
+use crate::record::frame_window::Frame;
+use crate::record::plausibility::{Measure, end};
 use crate::record::wire::FRAME;
 
 /// Longest head of a chunk or attachment, in bytes: times, sizes and two names.

@@ -1,8 +1,8 @@
 //! Whole records swallowed by a record whose length is wrong. Messages outside chunks and records of private opcodes do
 //! not imply their length, so there is no other evidence.
 
-use crate::record::horizon::Stop;
-use crate::record::shape::{Measure, end, fits, head, is_defined, measure};
+use crate::record::frame_window::Stop;
+use crate::record::plausibility::{Measure, end, fits, head, is_defined, measure};
 use crate::record::wire::{FRAME, op};
 
 /// Longest record that is searched, in bytes (32 MiB).

@@ -5,12 +5,12 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::shape::end;
+use super::plausibility::end;
 use super::wire::{FRAME, Fields};
 
 /// Buffered part of a file that may grow.
 #[derive(Debug, Default)]
-pub(super) struct Horizon {
+pub(super) struct FrameWindow {
     buffer: Vec<u8>,
     /// Range buffered and not yet consumed: `buffer[start..end]`.
     start: usize,
@@ -58,7 +58,7 @@ pub(super) enum Stop {
     Cut { claimed: u64 },
 }
 
-impl Horizon {
+impl FrameWindow {
     /// Room for `length` bytes that follow those already inserted.
     pub(super) fn insert(&mut self, length: usize) -> &mut [u8] {
         if self.buffer.len() - self.end < length && self.start > 0 {

@@ -11,7 +11,7 @@ use super::{Channel, Message, Schema};
 
 /// Contents of a sequence of records.
 #[derive(Debug, Default)]
-pub(super) struct Survey {
+pub(super) struct ChunkCheck {
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
     /// Messages by channel.
@@ -40,7 +40,7 @@ impl Tally {
     }
 }
 
-impl Survey {
+impl ChunkCheck {
     /// Checks all of `records`. The error describes what is malformed or too large.
     pub(super) fn of(records: &[u8], limits: &Limits) -> Result<Self, String> {
         let mut survey = Self::default();

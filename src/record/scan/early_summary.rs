@@ -5,7 +5,7 @@ use crc32fast::Hasher;
 use mcap::MAGIC;
 
 use crate::record::footer::{CLOSING, Footer};
-use crate::record::horizon::{Frame, Horizon, Stop};
+use crate::record::frame_window::{Frame, FrameWindow, Stop};
 use crate::record::limits::Limits;
 use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use crate::record::wire::{DATA_END, FRAME, op};
@@ -13,7 +13,7 @@ use crate::record::{Channel, Schema};
 
 /// Places of whole records. Empty if the recording has no valid summary.
 #[derive(Debug, Default)]
-pub(super) struct Guide {
+pub(super) struct EarlySummary {
     /// Landmarks in file order, none within another.
     landmarks: Vec<Landmark>,
     /// Whether the chunks are among them, so that there is nothing to search between landmarks.
@@ -31,7 +31,7 @@ pub(super) struct Landmark {
     pub(super) opcode: u8,
 }
 
-impl Guide {
+impl EarlySummary {
     /// Landmark that contains `offset`, or else the next one after it.
     pub(super) fn at_or_behind(&self, offset: u64) -> Option<Landmark> {
         self.landmarks
@@ -70,7 +70,7 @@ pub(super) struct Asking {
     /// Footer, once it was read.
     footer: Option<Footer>,
     crc: Hasher,
-    guide: Guide,
+    guide: EarlySummary,
     /// Memory of the records below, in bytes.
     kept: u64,
     schemas: Vec<Schema>,
@@ -85,7 +85,7 @@ impl Asking {
     }
 
     /// Reads on. Returns whether the whole section is in order.
-    pub(super) fn read(&mut self, horizon: &mut Horizon) -> Result<bool, Stop> {
+    pub(super) fn read(&mut self, horizon: &mut FrameWindow) -> Result<bool, Stop> {
         let length = horizon.extent().length;
         let Footer { section, crc: stored, .. } = match &self.footer {
             Some(footer) => footer.clone(),
@@ -141,7 +141,7 @@ impl Asking {
         Some(())
     }
 
-    pub(super) fn guide(mut self) -> (Guide, Vec<Schema>, Vec<Channel>) {
+    pub(super) fn guide(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {
         let start = self.footer.as_ref().map_or(DATA_END, |footer| footer.section.start);
         let data = start - DATA_END;
         self.guide.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });

@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use crate::record::chunk::{Inflate, Opened, Place};
-use crate::record::horizon::{Frame, Horizon};
+use crate::record::frame_window::{Frame, FrameWindow};
 use crate::record::wire::{Fields, op};
 
 /// Records in order, whose messages are being emitted.
-pub(super) struct Telling {
+pub(super) struct Emission {
     pub(super) frame: Frame,
     /// Range of the bytes that hold the records, in the horizon or in `opened`.
     pub(super) data: Range<usize>,
@@ -20,9 +20,9 @@ pub(super) struct Telling {
     pub(super) ends: bool,
 }
 
-impl Telling {
+impl Emission {
     /// The records whose messages are being emitted.
-    pub(super) fn records<'a>(&'a self, inflate: &'a Inflate, horizon: &'a Horizon) -> &'a [u8] {
+    pub(super) fn records<'a>(&'a self, inflate: &'a Inflate, horizon: &'a FrameWindow) -> &'a [u8] {
         match &self.opened {
             Some(opened) => opened.records(self.place, &self.data),
             None => inflate.records(self.place, horizon.within(&self.data)),
@@ -30,7 +30,7 @@ impl Telling {
     }
 
     /// Advances to the next message. Returns whether there is one.
-    pub(super) fn advance(&mut self, inflate: &Inflate, horizon: &Horizon) -> bool {
+    pub(super) fn advance(&mut self, inflate: &Inflate, horizon: &FrameWindow) -> bool {
         loop {
             let records = self.records(inflate, horizon);
             let mut rest = Fields(records.get(self.at.end..).unwrap_or_default());
