@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from multiprocessing import Pool
 from pathlib import Path
 
 from mcap.decoder import DecoderFactory
@@ -51,25 +52,31 @@ def main(stillpoint):
     assert recordings and containers, "no recordings"
     out = HERE.parent / "target/ci/out"
     out.mkdir(parents=True, exist_ok=True)
-    for recording in recordings:
-        annotated, sidecar = out / f"{recording.stem}.annotated.mcap", out / f"{recording.stem}.stillpoint.mcap"
-        for path, options in ((annotated, []), (sidecar, ["--sidecar"])):
-            imus = annotate(stillpoint, recording, path, options)
-            check_doctor(recording, path)
-            if imus:
-                check_decodes(path)
-            check_javascript(path)
-        added = check_messages(recording, annotated)
-        assert added == Counter(t for t, *_ in messages(sidecar)), "annotations differ between file and sidecar"
-        check_rosbags(recording, annotated)
-        check_strip(stillpoint, recording, annotated, out / "stripped.mcap")
-        check_in_place(stillpoint, recording, annotated, out / "in_place.mcap")
-        corrected = check_corrected(stillpoint, recording, out / "corrected.mcap") if imus else 0
-        total = sum(added.values())
-        print(f"{recording.name}: {total} annotations on {len(added)} topics, {corrected} corrected messages", flush=True)
-    for container in containers:
-        check_container(stillpoint, container, out)
+    with Pool() as pool:
+        for line in pool.imap(check_recording, [(stillpoint, recording, out) for recording in recordings]):
+            print(line, flush=True)
+        pool.starmap(check_container, [(stillpoint, container, out) for container in containers], chunksize=4)
     check_edited(stillpoint, data / "recordings/nilspod_six_face.ros2.mcap", out)
+
+
+def check_recording(task):
+    stillpoint, recording, out = task
+    name = recording.stem
+    annotated, sidecar = out / f"{name}.annotated.mcap", out / f"{name}.stillpoint.mcap"
+    for path, options in ((annotated, []), (sidecar, ["--sidecar"])):
+        imus = annotate(stillpoint, recording, path, options)
+        check_doctor(recording, path)
+        if imus:
+            check_decodes(path)
+        check_javascript(path)
+    added = check_messages(recording, annotated)
+    assert added == Counter(t for t, *_ in messages(sidecar)), "annotations differ between file and sidecar"
+    check_rosbags(recording, annotated)
+    check_strip(stillpoint, recording, annotated, out / f"{name}.stripped.mcap")
+    check_in_place(stillpoint, recording, annotated, out / f"{name}.in_place.mcap")
+    corrected = check_corrected(stillpoint, recording, out / f"{name}.corrected.mcap") if imus else 0
+    total = sum(added.values())
+    return f"{recording.name}: {total} annotations on {len(added)} topics, {corrected} corrected messages"
 
 
 class JsonDecoder(DecoderFactory):
@@ -89,7 +96,7 @@ def check_corrected(stillpoint, recording, path):
     check_javascript(path)
     added = check_messages(recording, path)
     check_rosbags(recording, path)
-    check_strip(stillpoint, recording, path, path.with_name("stripped.mcap"))
+    check_strip(stillpoint, recording, path, path.with_suffix(".stripped"))
     topics = [topic for topic in added if topic.endswith("/stillpoint/corrected")]
     # Decoded by the schema of the source, a corrected message differs from it in its vectors alone.
     decoded = {}
@@ -126,7 +133,7 @@ def numbers(value):
 
 
 def check_container(stillpoint, container, out):
-    path = out / "container.mcap"
+    path = out / f"container.{container.parent.name}.{container.name}"
     command = [stillpoint, "annotate", container, "-o", path, "--force", "--allow-no-imu", "--accept-damage", "-q"]
     run = subprocess.run(command, stderr=subprocess.PIPE)
     if container.stat().st_size == 0:
@@ -134,7 +141,7 @@ def check_container(stillpoint, container, out):
         return
     assert run.returncode == 0, f"{container.name}: {run.stderr}"
     check_doctor(container, path)
-    check_strip(stillpoint, container, path, out / "stripped.mcap")
+    check_strip(stillpoint, container, path, path.with_suffix(".stripped"))
     # @mcap/core finds messages through message indexes alone; what it could not read before, it need not read now.
     if javascript(container).returncode == 0:
         check_javascript(path)
