@@ -111,6 +111,21 @@ pub fn normal(rng: &mut impl Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| rng.sample(StandardNormal))
 }
 
+/// Evidence of recordings of one sensor.
+pub fn joined<'a>(all: impl IntoIterator<Item = &'a Findings>) -> Merge {
+    all.into_iter().fold(Merge::default(), |mut sum, findings| {
+        sum.join(Merge::of("/imu", findings));
+        sum
+    })
+}
+
+/// What it comes to.
+pub fn only(merge: &Merge) -> Merged {
+    let mut merged = outcome(merge, &config());
+    assert_eq!(merged.len(), 1);
+    merged.pop().unwrap()
+}
+
 /// Configuration with a known gravity.
 pub fn config() -> Config {
     let mut config = Config::default();

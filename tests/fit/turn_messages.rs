@@ -102,6 +102,21 @@ fn a_whole_turn_of_a_table_is_hinted_at_and_its_rest_is_told_once_it_is_declared
 }
 
 #[test]
+fn a_table_that_missed_its_mark_is_the_outlier_among_the_turns() {
+    let mut hand = Hand::new(Held { wobble: 0.02, placement: 0.005, ..Held::default() }, 4).rest(3.0).through_faces(24);
+    for (axis, missed) in [(Vector3::x(), 0.0), (Vector3::y(), 10_f64.to_radians()), (Vector3::z(), 0.0)] {
+        hand = hand.turn_up(axis, 1.5).rest(3.0);
+        let up = hand.up();
+        hand = hand.turn(up * (TAU - missed), 4.0).rest(3.0);
+    }
+    let turns = turns(&events_with(&hand, fit::Config { whole_turns: true, ..fit::Config::default() }));
+    let outliers: Vec<_> = turns.iter().filter(|turn| turn.reason() == Reason::Outlier).collect();
+    assert_eq!(outliers.len(), 1, "{outliers:?}");
+    let missed = outliers[0].declared_residual.unwrap();
+    assert!((missed + 10_f64.to_radians()).abs() < 0.02, "{missed}");
+}
+
+#[test]
 fn what_speaks_against_a_turn_is_its_reason() {
     let quarter = |seconds| Hand::new(Held::default(), 1).rest(3.0).turn(Vector3::x() * FRAC_PI_2, seconds).rest(3.0);
     let reason = |hand: &Hand| turns(&events(hand)).first().map(|turn| (turn.reason(), turn.used));

@@ -5,25 +5,12 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
-use stillpoint::merge::{ChangeKind, MOST_RESTS, Merge, Merged, outcome};
+use stillpoint::merge::{ChangeKind, MOST_RESTS, Merge, Merged};
 use stillpoint::messages::{self, Segment};
 use stillpoint::report::Findings;
 
 use crate::common::needs::randomness;
-use crate::fleet::{DAY, Outcome, Score, Truth, USUAL, config};
-
-fn joined<'a>(all: impl IntoIterator<Item = &'a Findings>) -> Merge {
-    all.into_iter().fold(Merge::default(), |mut sum, findings| {
-        sum.join(Merge::of("/imu", findings));
-        sum
-    })
-}
-
-fn only(merge: &Merge) -> Merged {
-    let mut merged = outcome(merge, &config());
-    assert_eq!(merged.len(), 1);
-    merged.pop().unwrap()
-}
+use crate::fleet::{DAY, Outcome, Score, Truth, USUAL, joined, only};
 
 /// Every number that is published.
 fn numbers(merged: &Merged) -> Vec<f64> {

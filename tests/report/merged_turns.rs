@@ -9,13 +9,13 @@ use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use stillpoint::engine::{self, Engine};
 use stillpoint::imu::Sample;
-use stillpoint::merge::{Member as _, Merge, Merged, PastTurn, outcome};
+use stillpoint::merge::{Member as _, Merge, PastTurn};
 use stillpoint::messages::Triad;
 use stillpoint::messages::triad::Model;
 use stillpoint::report::Findings;
 
 use crate::common::needs::randomness;
-use crate::fleet::{DAY, config};
+use crate::fleet::{DAY, joined, only};
 use crate::hand::{self, Hand, Held};
 
 /// Sensor with cross-axis sensitivities everywhere.
@@ -56,19 +56,6 @@ fn days(seed: u64, count: i64, turns: usize, walk: f64) -> Vec<Findings> {
         found(&hand, day)
     };
     (0..count).map(session).collect()
-}
-
-fn joined<'a>(all: impl IntoIterator<Item = &'a Findings>) -> Merge {
-    all.into_iter().fold(Merge::default(), |mut sum, findings| {
-        sum.join(Merge::of("/imu", findings));
-        sum
-    })
-}
-
-fn only(merge: &Merge) -> Merged {
-    let mut merged = outcome(merge, &config());
-    assert_eq!(merged.len(), 1);
-    merged.pop().unwrap()
 }
 
 fn triads(findings: &Findings) -> [&Triad; 2] {
