@@ -8,6 +8,7 @@ use nalgebra::{DVector, Vector3};
 use super::observations::{self, Placed};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
+use super::turn_outcome::Turning;
 use crate::Stamp;
 use crate::fit::accelerometer::{self, Assumptions, Observation};
 use crate::fit::{self, Calibration, Estimate, Fixture, Hint, Slope, Wandering, slope, unexcluded, wandering};
@@ -31,8 +32,9 @@ pub(super) struct Drift {
 enum Course {
     /// Change, m/s², and its duration, s.
     Ramp(Vector3<f64>, f64),
-    /// Axis, change, m/s², and the two times between which it happened, s since the first rest.
-    Step(usize, f64, [f64; 2]),
+    /// Axis, change, m/s², the two times between which it happened, s since the first rest, and whether no single wrong
+    /// rest explains it.
+    Step(usize, f64, [f64; 2], bool),
     /// Axis, change, m/s², and time, s since the first rest, of a change within a placement that may also be a tilt.
     Hinted(usize, f64, f64),
 }
@@ -50,6 +52,8 @@ pub(super) struct Fitted<'a> {
     pub(super) calibration: Calibration,
     /// Estimate, if the fit has one.
     pub(super) fit: Option<&'a Estimate>,
+    /// Turns between the rests.
+    pub(super) turning: Option<&'a Turning>,
 }
 
 /// Looks for a bias that moved.
@@ -63,24 +67,28 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
     let timed = |placed: &Placed| (placed.start.seconds_since(first), placed.observation);
     let mut all: Vec<_> = seen.iter().map(timed).collect();
     let told = told(entries, first);
-    let look = |seen: &[(f64, Observation)]| wandering(seen, given, calibration, told.slope.as_ref());
+    let turns = fitted.turning.and_then(|turning| turning.bias_courses(first));
+    let look = |seen: &[(f64, Observation)]| wandering(seen, given, calibration, told.slope.as_ref(), turns.as_ref());
     let kept = all.clone();
     all.extend(fitted.left_out.iter().map(timed));
     let found = match fitted.left_out.is_empty() {
         true => look(&kept),
-        false => look(&all).or_else(|| look(&kept)),
+        false => look(&all).filter(|found| found.is_certain).or_else(|| look(&kept)),
     };
     let faces = faces(seen, judge.fixture, calibration, judge.fit.placement_std);
     let bars: Vec<_> = fit.map_or(Vec::new(), |fit| (0..fit.parameters.len()).map(|i| fit.std(i)).collect());
     let last = kept.iter().map(|(time, _)| *time).fold(0.0, f64::max);
     let Some(found) = found else {
-        let hint = unexcluded(&kept, given, calibration, &told.hints, &bars)?;
+        let hint = unexcluded(&kept, given, calibration, &told.hints, &bars, turns.as_ref())?;
         let course = Course::Hinted(hint.axis, hint.change, hint.time);
         let moved = DVector::zeros(bars.len());
         return Some(Drift { course, faces: Vec::new(), half_life: None, moved, followed: false });
     };
     let course = match found.is_step(0.0, last) {
-        true => Course::Step(found.change.iamax(), found.change[found.change.iamax()], found.span),
+        true => {
+            let axis = found.change.iamax();
+            Course::Step(axis, found.change[axis], found.span, found.is_certain)
+        }
         false => Course::Ramp(found.change, last),
     };
     let starts: BTreeMap<u32, f64> = kept.iter().map(|(time, seen)| (seen.placement, *time)).collect();
@@ -222,7 +230,12 @@ impl Drift {
                 change.z,
                 seconds / 60.0
             ),
-            Course::Step(axis, change, [from, to]) => format!(
+            Course::Step(axis, change, [from, to], false) => format!(
+                "the bias of {} may have moved by {change:+.3} m/s² between {from:.0} and {to:.0} s after the first rest, or a rest near that time is \
+                 wrong. Show the faces along {} again",
+                AXES[axis], AXES[axis]
+            ),
+            Course::Step(axis, change, [from, to], true) => format!(
                 "the readings drift: the bias of {} moved by {change:+.3} m/s² between {from:.0} and {to:.0} s after the first \
                  rest{visits}. {advice}",
                 AXES[axis]

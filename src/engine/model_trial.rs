@@ -11,6 +11,7 @@ use super::reference::Reference;
 use super::refusal::{Refusal, held_back};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
+use super::turn_outcome::Turning;
 use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{Bounds, Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
 use crate::messages::segment::Reason;
@@ -29,13 +30,46 @@ pub(super) struct ModelTrial {
     pub(super) ups: Vec<Vector3<f64>>,
     pub(super) poses: Poses,
     pub(super) doubts: Vec<Doubt>,
+    /// Placements that contradict the others.
+    contradicting: Vec<Placed>,
     pub(super) drift: Option<Drift>,
 }
 
 impl ModelTrial {
     pub(super) fn new(poses: Poses) -> Self {
         let fit = Err(Refusal::FacesMissing(Vec::new()));
-        Self { fit, seen: Vec::new(), ups: Vec::new(), poses, doubts: Vec::new(), drift: None }
+        let (seen, contradicting) = (Vec::new(), Vec::new());
+        Self { fit, seen, ups: Vec::new(), poses, doubts: Vec::new(), contradicting, drift: None }
+    }
+
+    /// Looks for a bias that moved, by the placements and the turns between them, and widens the bars for it.
+    pub(super) fn look_for_drift(
+        &mut self,
+        entries: &[JudgedRest],
+        judge: &Judge<'_>,
+        trial: &Trial<'_>,
+        start: Calibration,
+        turning: Option<&Turning>,
+    ) {
+        if trial.shape == Parameterisation::MATRIX || judge.fit.loss != Loss::Square {
+            return;
+        }
+        let calibration = self.fit.as_ref().map_or(start, Estimate::calibration);
+        let given = assumptions(judge, trial, calibration);
+        let fitted = Fitted {
+            entries,
+            seen: &self.seen,
+            left_out: &self.contradicting,
+            given: &given,
+            step: trial.givens.step,
+            calibration,
+            fit: self.fit.as_ref().ok(),
+            turning,
+        };
+        self.drift = drift(&fitted, judge, self.poses);
+        if let (Some(drift), Ok(fit)) = (&self.drift, &mut self.fit) {
+            fit.widen(&drift.moved);
+        }
     }
 }
 
@@ -67,7 +101,7 @@ pub(super) fn on_rests(
     let poses = if trial.shape == Parameterisation::TRIANGULAR { Poses::Any } else { Poses::OnFaces };
     let mut attempt = ModelTrial::new(poses);
     let mut calibration = start;
-    let (mut before, mut contradicting) = (Vec::new(), Vec::new());
+    let mut before = Vec::new();
     for _ in 0..ROUNDS {
         judge.assign_faces(entries, &calibration, poses);
         let verdicts: Vec<_> = entries.iter().map(|entry| (entry.verdict.reason, entry.verdict.face())).collect();
@@ -79,7 +113,7 @@ pub(super) fn on_rests(
         let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
         attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
             leave_out(entries, &left_out);
-            contradicting.extend(left_out.into_iter().map(|left_out| left_out.placed));
+            attempt.contradicting.extend(left_out.into_iter().map(|left_out| left_out.placed));
             attempt.doubts.extend(doubts);
             fit
         });
@@ -91,21 +125,8 @@ pub(super) fn on_rests(
     if let Ok(fit) = &mut attempt.fit {
         attempt.doubts.iter().for_each(|doubt| fit.widen(&doubt.moved));
     }
-    if trial.shape != Parameterisation::MATRIX && judge.fit.loss == Loss::Square {
-        let given = assumptions(judge, trial, calibration);
-        let fitted = Fitted {
-            entries,
-            seen: &attempt.seen,
-            left_out: &contradicting,
-            given: &given,
-            step: trial.givens.step,
-            calibration,
-            fit: attempt.fit.as_ref().ok(),
-        };
-        attempt.drift = drift(&fitted, judge, poses);
-        if let (Some(drift), Ok(fit)) = (&attempt.drift, &mut attempt.fit) {
-            fit.widen(&drift.moved);
-        }
+    if attempt.fit.is_err() {
+        attempt.look_for_drift(entries, judge, trial, calibration, None);
         // The drift may be the cause of the contradiction.
         if let Some(drift) = &attempt.drift {
             attempt.fit =

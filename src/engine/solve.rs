@@ -63,6 +63,10 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
         refused.pop();
     }
     let mut turning = attempt.fit.as_ref().ok().and_then(|fit| turning::fit(entries, judge, givens, fit));
+    let shape = attempt.fit.as_ref().ok().map(|fit| fit.shape);
+    if let Some(shape) = shape.filter(|shape| givens.reference.is_none() || !beside_reference(*shape)) {
+        attempt.look_for_drift(entries, judge, &Trial { shape, givens }, start, turning.as_ref());
+    }
     if let Some(turning) = &mut turning {
         turning::complete(&mut attempt, turning, judge, givens);
         refused.retain(|(shape, _)| !(turning.completed && *shape == Parameterisation::TRIANGULAR));
@@ -97,7 +101,7 @@ fn others(
     Config { fit: config, secondary, still, .. }: &Config,
     givens: &Givens<'_>,
     refused: Vec<(Parameterisation, Refusal)>,
-    ModelTrial { fit: accelerometer, seen, ups, poses, doubts, drift }: ModelTrial,
+    ModelTrial { fit: accelerometer, seen, ups, poses, doubts, drift, .. }: ModelTrial,
 ) -> Solution {
     let primary = accelerometer.as_ref().ok();
     let secondary = secondary.iter().enumerate().map(|(i, secondary)| {

@@ -1,6 +1,7 @@
 //! Outcome of the fit to turns between rests.
 
-use crate::fit::turn_fit::{TooLittle, TurnEstimate};
+use crate::Stamp;
+use crate::fit::turn_fit::{BiasCourses, TooLittle, TurnEstimate};
 use crate::turns::Unusable;
 
 /// Outcome of the fit to turns beside an accelerometer: an estimate, or the reason why not.
@@ -9,11 +10,19 @@ pub(super) struct Turning {
     pub(super) found: Result<TurnEstimate, TooLittle>,
     /// Reasons why turns do not count, with their numbers.
     pub(super) unusable: Vec<(Unusable, usize)>,
+    /// Start of the first rest, and the equations of the turns on a bias that changes since then, if there are enough.
+    pub(super) courses: Option<(Stamp, BiasCourses)>,
     /// Whether the turns made the accelerometer's model triangular, or sharpened it.
     pub(super) completed: bool,
 }
 
 impl Turning {
+    /// Equations of the turns on a bias that changes, at times since `first`.
+    pub(super) fn bias_courses(&self, first: Stamp) -> Option<BiasCourses> {
+        let (start, courses) = self.courses.as_ref()?;
+        Some(courses.clone().later(start.seconds_since(first)))
+    }
+
     /// Remarks for people.
     pub(super) fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();

@@ -12,7 +12,7 @@ use super::solution::Solution;
 use super::turn_outcome::Turning;
 use crate::Stamp;
 use crate::fit::accelerometer::fit_with;
-use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnSeen, TurnSession};
+use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnFit, TurnSeen, TurnSession};
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
 use crate::turns::Unusable;
@@ -25,7 +25,7 @@ pub(super) fn fit(
     accelerometer: &Estimate,
 ) -> Option<Turning> {
     let noise = observations::gyroscope_noise(judge.segmenter);
-    let (mut session, unusable) = session(givens, entries, noise);
+    let (first, mut session, unusable) = session(givens, entries, noise);
     if session.turns.is_empty() && unusable.is_empty() {
         return None;
     }
@@ -33,7 +33,7 @@ pub(super) fn fit(
         session.declare_whole_turns(&accelerometer.calibration());
     }
     let scatter = accelerometer.placement_std.first().copied().unwrap_or(judge.fit.placement_std);
-    let found = turn_fit::fit(&session, accelerometer, scatter.max(MIN_SCATTER));
+    let TurnFit { estimate, bias_courses } = turn_fit::fit(&session, accelerometer, scatter.max(MIN_SCATTER));
     let within = |found: &TurnEstimate| {
         let bounds = &judge.fit.bounds;
         (0..9).all(|k| {
@@ -42,8 +42,9 @@ pub(super) fn fit(
             bound.contains(row, found.sensitivity[(row, column)])
         })
     };
-    let found = found.and_then(|found| if within(&found) { Ok(found) } else { Err(TooLittle::Unsolved) });
-    Some(Turning { found, unusable, completed: false })
+    let found = estimate.and_then(|found| if within(&found) { Ok(found) } else { Err(TooLittle::Unsolved) });
+    let courses = bias_courses.map(|courses| (first, courses));
+    Some(Turning { found, unusable, courses, completed: false })
 }
 
 /// Least scatter of placements, m/s².
@@ -119,8 +120,8 @@ fn triangular(
     Some(richer)
 }
 
-/// Usable turns between accepted rests, and the numbers of unusable ones by reason.
-fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (TurnSession, Vec<(Unusable, usize)>) {
+/// Start of the first rest, usable turns between accepted rests, and the numbers of unusable ones by reason.
+fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, TurnSession, Vec<(Unusable, usize)>) {
     let told = entries.iter().enumerate().filter(|(_, entry)| observations::tells_of_rates(entry, noise));
     let (places, told): (Vec<_>, Vec<_>) = told.unzip();
     let place = |start: Stamp| told.iter().position(|entry| entry.rest.start == start);
@@ -156,7 +157,7 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (TurnSess
         Some(gyroscope.mean_variance().mean() * entry.rest.seconds())
     });
     let random_walk = walks.sum::<f64>() / told.len().max(1) as f64;
-    (TurnSession { rests, turns, random_walk }, unusable)
+    (first, TurnSession { rests, turns, random_walk }, unusable)
 }
 
 fn seen(entry: &JudgedRest, first: Stamp) -> Option<RestSeen> {

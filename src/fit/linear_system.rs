@@ -168,6 +168,11 @@ impl Solved {
         self.rows.get(equation).map_or(0.0, |row| row.weight)
     }
 
+    /// Whether an equation depends on a placement.
+    pub fn is_of_placement(&self, equation: usize) -> bool {
+        self.rows.get(equation).is_some_and(|row| row.gain() > 0.0)
+    }
+
     /// Derivative of the unknowns with respect to each weighted target, unknowns × equations; NaN if they are not
     /// determined.
     pub fn gain(&self) -> DMatrix<f64> {

@@ -50,8 +50,12 @@ impl Reliability {
     /// Assesses a solution whose weights come from the scatter that it showed. No error is assumed larger than `gross`.
     pub fn of(solved: &Solved, gain: &DMatrix<f64>, gross: f64) -> Self {
         let equations = solved.left.len();
-        let freedom = equations as f64 - solved.design.ncols() as f64;
-        let squares = solved.left.norm_squared();
+        let leverage = |i: usize| (solved.design.row(i) * gain.column(i))[(0, 0)];
+        // Equations that do not depend on placements say nothing of their scatter.
+        let (of_placements, known): (Vec<_>, Vec<_>) = (0..equations).partition(|&i| solved.is_of_placement(i));
+        let saved: f64 = known.iter().map(|&i| leverage(i)).sum();
+        let freedom = of_placements.len() as f64 - (solved.design.ncols() as f64 - saved);
+        let squares: f64 = of_placements.iter().map(|&i| solved.left[i] * solved.left[i]).sum();
         let tail = FALSE_ALARM / equations.max(1) as f64;
         // Without the tested equation there is one degree of freedom less.
         let critical = student(freedom - 1.0, tail, normal_beyond(tail / 2.0));
@@ -59,7 +63,7 @@ impl Reliability {
         let inflation = (1.0 + (detectable * detectable - 1.0) / freedom.max(1.0)).sqrt() * stretch(freedom.max(1.0));
         let mut disagreement = 0.0_f64;
         let checks = (0..equations).map(|i| {
-            let leverage = (solved.design.row(i) * gain.column(i))[(0, 0)];
+            let leverage = leverage(i);
             let redundancy = (1.0 - leverage).clamp(0.0, 1.0);
             if redundancy > 1e-6 && freedom > 1.5 {
                 let squared = solved.left[i] * solved.left[i] / redundancy;

@@ -97,13 +97,20 @@ impl ResidualBlock {
         });
         let factor = scaled.cholesky()?;
         let fitted = factor.solve(&answer.component_div(&scale)).component_div(&scale);
-        let squares = (0..self.residuals.len()).map(|r| {
+        // An equation that does not depend on placements says nothing of their scatter; like a prior, it only saves the
+        // others a part of an unknown.
+        let (of_placements, known): (Vec<_>, Vec<_>) = (0..self.residuals.len()).partition(|&r| self.gain[r] > 0.0);
+        let squares = of_placements.iter().map(|&r| {
             let left = self.residuals[r] - (0..size).map(|k| entry(r, k) * fitted[k]).sum::<f64>();
             left * left / (self.gain[r] * between + self.noise[r])
         });
         let squares = squares.sum();
+        let saved = known.iter().map(|&r| {
+            let row = DVector::from_fn(size, |k, _| entry(r, k) / scale[k]);
+            row.dot(&factor.solve(&row)) / self.noise[r]
+        });
         // Every unknown takes a degree of freedom, a leak as much of one as the data determine it.
-        let whole = self.residuals.len() as f64 - unknowns as f64;
+        let whole = of_placements.len() as f64 - (unknowns as f64 - saved.sum::<f64>());
         let (mut freedom, mut parts) = (whole, whole);
         if leaks > 0 {
             let inverse = factor.inverse();
@@ -121,7 +128,7 @@ impl ResidualBlock {
 pub(super) fn typical_noise(blocks: &[ResidualBlock]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for block in blocks {
-        for (noise, gain) in block.noise.iter().zip(&block.gain) {
+        for (noise, gain) in block.noise.iter().zip(&block.gain).filter(|(_, gain)| **gain > 0.0) {
             sum += gain / noise.max(1e-30);
             count += 1.0;
         }

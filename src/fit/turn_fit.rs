@@ -9,6 +9,7 @@
 //! accelerometer. Neighbouring turns share the errors of the rest between them. The assumed part of the errors is
 //! scaled down, or an error common to all turns is added, until χ² equals its degrees of freedom (Paule & Mandel 1982).
 
+mod bias_courses;
 mod equations;
 mod g_sensitivity;
 mod information;
@@ -19,6 +20,7 @@ mod turn_estimate;
 
 use nalgebra::Matrix3;
 
+pub use self::bias_courses::BiasCourses;
 use self::equations::Given;
 pub use self::g_sensitivity::GSensitivity;
 pub use self::information::{OffDiagonals, Told};
@@ -29,14 +31,30 @@ pub use self::too_little::TooLittle;
 pub use self::turn_estimate::TurnEstimate;
 use super::estimate::Estimate;
 
+/// Fewest turns that are compared with the rests at their ends.
+const LEAST_COMPARED: usize = 3;
+
 /// Least angle by which a turn rotates gravity, rad.
 const TURNED: f64 = std::f64::consts::FRAC_PI_6;
 
+/// Result of a fit to turns.
+#[derive(Clone, Debug)]
+pub struct TurnFit {
+    /// Estimate, or the reason why the turns do not determine the gyroscope's S.
+    pub estimate: Result<TurnEstimate, TooLittle>,
+    /// Equations of the turns on a bias that changes; `None` with too few of them.
+    pub bias_courses: Option<BiasCourses>,
+}
+
 /// Fits the turns, given an accelerometer calibrated at rests whose placements scatter by `placement_std` (m/s²).
-///
-/// # Errors
-/// If the turns do not determine the gyroscope's S.
-pub fn fit(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) -> Result<TurnEstimate, TooLittle> {
+pub fn fit(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) -> TurnFit {
+    match solve(session, accelerometer, placement_std) {
+        Ok(fit) => fit,
+        Err(why) => TurnFit { estimate: Err(why), bias_courses: None },
+    }
+}
+
+fn solve(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) -> Result<TurnFit, TooLittle> {
     let given = Given::of(accelerometer, placement_std).ok_or(TooLittle::Unsolved)?;
     let calibration = accelerometer.calibration();
     let turned = session.turns.iter().filter(|turn| {
@@ -44,23 +62,28 @@ pub fn fit(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) 
         libm::atan2(before.cross(&after).norm(), before.dot(&after)) >= TURNED
     });
     let turned = turned.count();
-    if turned < LEAST_TURNS {
-        let all = session.turns.len();
-        return Err(if all >= LEAST_TURNS {
+    let too_few = (turned < LEAST_TURNS).then(|| match session.turns.len() {
+        all if all >= LEAST_TURNS => {
             TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.declared.is_some()) }
-        } else {
-            TooLittle::Few { turned }
-        });
+        }
+        _ => TooLittle::Few { turned },
+    });
+    if let Some(too_few) = too_few.clone().filter(|_| turned < LEAST_COMPARED) {
+        return Err(too_few);
     }
     let g_sensitivity = GSensitivity::of(session, &calibration);
     let by_up = g_sensitivity.as_ref().map_or(Matrix3::zeros(), |g| g.by_up);
     let everything = vec![true; session.turns.len()];
     let mut all = TurnSolution::of(session, &given, by_up, &everything)?;
+    let bias_courses = all.bias_courses(session);
+    if let Some(too_few) = too_few {
+        return Ok(TurnFit { estimate: Err(too_few), bias_courses });
+    }
     let mut kept = everything;
     let left_out = all.contradicting();
     if let Some(wrong) = left_out {
         kept[wrong] = false;
         all = TurnSolution::of(session, &given, by_up, &kept)?;
     }
-    all.summarise(&kept, left_out, g_sensitivity)
+    Ok(TurnFit { estimate: all.summarise(&kept, left_out, g_sensitivity), bias_courses })
 }

@@ -4,12 +4,19 @@
 //! Each hypothesis adds unknowns to the fit, whose size follows from the residuals (a conventional alternative
 //! hypothesis, Baarda 1968). It is accepted if that size exceeds the scatter of placements, given the number of
 //! hypotheses tried, and if no single wrong placement would explain the residuals better.
+//!
+//! A placement shows the bias along the vertical. Turns show it across: a bias that moved tilts gravity as the
+//! accelerometer sees it, and not as the gyroscope predicts it.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+mod courses;
 
-use super::accelerometer::{Assumptions, MagnitudeEquation, Observation};
+use nalgebra::{DVector, Matrix3, Vector3};
+
+use self::courses::{Courses, Step, TRUST};
+use super::accelerometer::{Assumptions, Observation};
 use super::calibration::Calibration;
 use super::student_t::{normal_beyond, student};
+use super::turn_fit::BiasCourses;
 
 /// Movement of a bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +27,8 @@ pub struct Wandering {
     pub change: Vector3<f64>,
     /// Standard deviation of the change, m/s².
     pub std: Vector3<f64>,
+    /// Whether no single wrong placement explains the residuals as well.
+    pub is_certain: bool,
 }
 
 /// Rate of change of the readings at rest, m/s² per second, with its standard deviation.
@@ -47,9 +56,7 @@ pub struct Hint {
 }
 
 /// Probability that a session of correct placements is accused.
-const FALSE_ALARM: f64 = 0.01;
-/// Degrees of freedom that the assumed scatter is worth.
-const TRUST: f64 = 4.0;
+const FALSE_ALARM: f64 = 0.02;
 /// Excess of explained squares that makes a wrong placement the likelier explanation: e^−3 is 1 in 20.
 const LIKELIER: f64 = 6.0;
 
@@ -66,103 +73,20 @@ impl Wandering {
     }
 }
 
-/// Equations of the placements, in order of time, with the unknowns solved for.
-struct Courses {
-    times: Vec<f64>,
-    /// Derivatives of the weighted targets with respect to the bias of each axis.
-    by_bias: Vec<Vector3<f64>>,
-    design: DMatrix<f64>,
-    factor: Cholesky<f64, Dyn>,
-    left: DVector<f64>,
-    squares: f64,
-    /// Placement that deviates most, and by how much the squares decrease without it.
-    outlier: usize,
-    by_outlier: f64,
-    freedom: f64,
-}
-
 impl Courses {
-    fn of(seen: &[(f64, Observation)], given: &Assumptions<'_>, calibration: &Calibration) -> Option<Self> {
-        let mut seen = seen.to_vec();
-        seen.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let leaks: Vec<_> = given.shape.unmodelled().collect();
-        let terms: Vec<_> = given.shape.terms().iter().copied().chain(leaks.iter().copied()).collect();
-        let unknowns = given.shape.unknowns();
-        let mut design = DMatrix::zeros(seen.len(), terms.len());
-        let mut targets = DVector::zeros(seen.len());
-        let mut by_bias = Vec::with_capacity(seen.len());
-        for (row, (_, observation)) in seen.iter().enumerate() {
-            let line = MagnitudeEquation::of(observation, given, calibration);
-            let scatter = line.by_measured.norm_squared() * given.placement_std.powi(2);
-            let weight = 1.0 / (scatter + line.noise).sqrt();
-            let direction = -line.by_measured * weight;
-            for (column, term) in terms.iter().enumerate() {
-                design[(row, column)] = direction[term.axis()] * term.regressor(&line.truth);
-            }
-            targets[row] = -line.residual * weight;
-            by_bias.push(direction);
-        }
-        let mut information = design.tr_mul(&design);
-        for k in unknowns..terms.len() {
-            information[(k, k)] += 1.0 / given.leak().powi(2).max(1e-12);
-        }
-        let factor = information.cholesky()?;
-        let solution = factor.solve(&design.tr_mul(&targets));
-        let left = &targets - &design * &solution;
-        let leaked: f64 = (unknowns..terms.len()).map(|k| (solution[k] / given.leak().max(1e-6)).powi(2)).sum();
-        let own = |row: usize| {
-            let regressors = design.row(row).transpose();
-            (1.0 - regressors.dot(&factor.solve(&regressors))).max(1e-9)
-        };
-        let explained = (0..left.len()).filter(|row| own(*row) > 1e-6).map(|row| (row, left[row].powi(2) / own(row)));
-        let (outlier, by_outlier) = explained.max_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or((0, 0.0));
-        Some(Self {
-            times: seen.iter().map(|(time, _)| *time).collect(),
-            by_bias,
-            squares: left.norm_squared() + leaked,
-            freedom: seen.len() as f64 - unknowns as f64,
-            design,
-            factor,
-            left,
-            outlier,
-            by_outlier,
-        })
-    }
-
-    /// Information on a change of each axis that follows `share`, and that information times the change.
-    fn told(&self, share: impl Fn(usize) -> f64) -> (Matrix3<f64>, Vector3<f64>) {
-        let columns = DMatrix::from_fn(self.times.len(), 3, |row, axis| self.by_bias[row][axis] * share(row));
-        let passed = self.design.tr_mul(&columns);
-        let information = columns.tr_mul(&columns) - passed.tr_mul(&self.factor.solve(&passed));
-        let moment = columns.tr_mul(&self.left);
-        (Matrix3::from_fn(|i, j| information[(i, j)]), Vector3::from_fn(|i, _| moment[i]))
-    }
-
-    /// Variance of a weighted residual if hypotheses with `unknowns` explain so much of the squares.
-    fn variance(&self, explained: f64, unknowns: f64) -> f64 {
-        let freedom = (self.freedom - unknowns).max(0.0);
-        ((self.squares - explained).max(0.0) + TRUST) / (freedom + TRUST)
-    }
-
     /// Student's quantile with a two-sided probability of `tail`.
     fn critical(&self, unknowns: f64, tail: f64) -> f64 {
         student((self.freedom - unknowns).max(0.0) + TRUST, tail, normal_beyond(tail / 2.0))
-    }
-
-    /// Excess of squares that one wrong placement explains, in units of 2 ln of the odds.
-    fn outlier_lead(&self, explained: f64) -> f64 {
-        (self.by_outlier - explained) / self.variance(self.by_outlier.max(explained), 1.0)
     }
 
     /// Tests a drift of all three axes from the first placement to the last.
     fn ramp(&self, slope: Option<&Slope>) -> Option<(f64, Wandering)> {
         let (&first, &last) = (self.times.first()?, self.times.last()?);
         let length = (last - first).max(f64::MIN_POSITIVE);
-        let (information, moment) = self.told(|row| (self.times[row] - first) / length);
+        let (information, moment) = self.told(|time| (time - first) / length);
         let ridge = Matrix3::identity() * 1e-9 * (1.0 + information.trace());
         let explained = moment.dot(&((information + ridge).try_inverse()? * moment)).max(0.0);
-        let variance = self.variance(explained, 3.0);
-        let (mut all, mut answer) = (information / variance, moment / variance);
+        let (mut all, mut answer) = (information, moment);
         let mut freedom = (self.freedom - 3.0).max(0.0) + TRUST;
         if let Some(slope) = slope {
             let told = slope.std.map(|std| (std * length).powi(-2));
@@ -181,79 +105,46 @@ impl Courses {
         let three = 3.0 * libm::pow(1.0 - v + normal * v.sqrt(), 3.0);
         let heavier = student(freedom, 2.0 * tail, normal) / normal;
         let over = change.dot(&answer).max(0.0).sqrt() / (three.sqrt() * heavier);
-        let wandering = Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt) };
-        let told_by_slope = slope.is_some() && explained < 0.5 * change.dot(&answer) * variance;
-        (told_by_slope || self.outlier_lead(explained) < LIKELIER).then_some((over, wandering))
+        let wandering =
+            Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt), is_certain: true };
+        let told_by_slope = slope.is_some() && explained < 0.5 * change.dot(&answer);
+        (told_by_slope || self.outlier.1 - explained < LIKELIER).then_some((over, wandering))
     }
 
-    /// Tests a step of one axis between two placements. A step that a single wrong placement explains as well is taken
-    /// for one, unless that placement is the last of its axis, which may show the new bias.
+    /// Tests a step of one axis between two placements. A step that a single wrong placement explains better is taken
+    /// for one; the last placement of an axis may show the new bias as well.
     fn step(&self) -> Option<(f64, Wandering)> {
         let count = self.times.len();
-        let tells = |row: usize, axis: usize| {
-            let direction = &self.by_bias[row];
-            direction[axis].abs() > 0.5 * direction.norm()
-        };
         let critical = self.critical(1.0, FALSE_ALARM / 2.0 / (1.5 * count as f64).max(1.0));
-        let mut best: Option<(f64, Wandering)> = None;
-        for axis in 0..3 {
-            let size = self.design.ncols();
-            let (mut passed, mut own, mut moment) = (DVector::<f64>::zeros(size), 0.0, 0.0);
-            let is_last = !(self.outlier + 1..count).any(|row| tells(row, axis));
-            let mut behind = 0;
-            for row in (1..count).rev() {
-                let by = self.by_bias[row][axis];
-                passed += self.design.row(row).transpose() * by;
-                own += by * by;
-                moment += by * self.left[row];
-                behind += usize::from(tells(row, axis));
-                let before = (0..row).filter(|row| tells(*row, axis)).count();
-                // Only between placements that tell about the axis.
-                if behind == 0 || before < 2 || !tells(row, axis) {
-                    continue;
-                }
-                let information = own - passed.dot(&self.factor.solve(&passed));
-                if information < 1e-3 * own {
-                    continue;
-                }
-                let explained = moment * moment / information;
-                let variance = self.variance(explained, 1.0);
-                let over = (explained / variance).sqrt() / critical;
-                let lead = self.outlier_lead(explained);
-                let likelier = lead < -LIKELIER || is_last && lead < LIKELIER;
-                if best.as_ref().is_none_or(|(most, _)| over > *most) && likelier {
-                    let mut change = Vector3::zeros();
-                    change[axis] = moment / information;
-                    let mut std = Vector3::zeros();
-                    std[axis] = (variance / information).sqrt();
-                    best = Some((over, Wandering { span: [self.times[row - 1], self.times[row]], change, std }));
-                }
-            }
-        }
-        best
+        let wanders = |Step { axis, at, moment, information, explained, .. }: Step| {
+            let is_last = !(self.outlier.0 + 1..count).any(|row| self.tells(row, axis));
+            let lead = self.outlier.1 - explained;
+            let (mut change, mut std) = (Vector3::zeros(), Vector3::zeros());
+            (change[axis], std[axis]) = (moment / information, information.sqrt().recip());
+            let is_certain = lead < -LIKELIER || is_last;
+            let wandering = Wandering { span: [self.times[at - 1], self.times[at]], change, std, is_certain };
+            (lead < LIKELIER).then(|| (explained.sqrt() / critical, wandering))
+        };
+        self.steps().into_iter().filter_map(wanders).max_by(|(a, _), (b, _)| a.total_cmp(b))
     }
 
-    /// Whether the placements contradict a hinted step.
+    /// Whether the equations contradict a hinted step.
     fn excludes(&self, hint: &Hint) -> bool {
         /// Odds of 20 to 1, as a logarithm.
         const AGAINST: f64 = 3.0;
-        let (information, moment) = self.told(|row| f64::from(u8::from(self.times[row] > hint.time)));
+        let (information, moment) = self.told(|time| f64::from(u8::from(time > hint.time)));
         let (information, moment) = (information[(hint.axis, hint.axis)], moment[hint.axis]);
         if information < 1e-9 {
             return false;
         }
-        let variance = self.variance(0.0, 0.0);
         let found = moment / information;
-        let spread = variance / information + hint.std * hint.std;
+        let spread = 1.0 / information + hint.std * hint.std;
         ((found - hint.change).powi(2) - found * found) / (2.0 * spread) > AGAINST
     }
 
     /// Largest shift of the unknowns by a step of an axis, in their standard deviations.
     fn moves(&self, hint: &Hint, bars: &[f64]) -> f64 {
-        let column = DVector::from_fn(self.times.len(), |row, _| {
-            if self.times[row] > hint.time { self.by_bias[row][hint.axis] * hint.change } else { 0.0 }
-        });
-        let mut moved = self.factor.solve(&self.design.tr_mul(&column));
+        let mut moved = self.shift(hint.axis, |time| if time > hint.time { hint.change } else { 0.0 });
         let over = |moved: &DVector<f64>| {
             moved.iter().zip(bars).map(|(moved, bar)| moved.abs() / bar.max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
         };
@@ -265,14 +156,15 @@ impl Courses {
 }
 
 /// Finds the likeliest movement of the bias beyond chance, if any, from placements with their times (s) and a
-/// calibration of them.
+/// calibration of them, and from the turns between them.
 pub fn wandering(
     seen: &[(f64, Observation)],
     given: &Assumptions<'_>,
     calibration: &Calibration,
     slope: Option<&Slope>,
+    turns: Option<&BiasCourses>,
 ) -> Option<Wandering> {
-    let courses = Courses::of(seen, given, calibration)?;
+    let courses = Courses::of(seen, given, calibration, turns)?;
     let found = courses.ramp(slope).into_iter().chain(courses.step());
     let (over, wandering) = found.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
     (over > 1.0).then_some(wandering)
@@ -286,13 +178,14 @@ pub fn unexcluded(
     calibration: &Calibration,
     hints: &[Hint],
     bars: &[f64],
+    turns: Option<&BiasCourses>,
 ) -> Option<Hint> {
     // A change within the scatter of placements is in the bars.
     let scatter = 2.0 * given.placement_std;
     if hints.iter().all(|hint| hint.change.abs() <= scatter) {
         return None;
     }
-    let courses = Courses::of(seen, given, calibration)?;
+    let courses = Courses::of(seen, given, calibration, turns)?;
     let counts =
         |hint: &&Hint| hint.change.abs() > scatter && courses.moves(hint, bars) > 1.0 && !courses.excludes(hint);
     hints.iter().filter(counts).max_by(|a, b| a.change.abs().total_cmp(&b.change.abs())).copied()
@@ -345,7 +238,7 @@ mod tests {
             loss: Loss::Square,
             start: Calibration::default(),
         };
-        wandering(&seen, &given, &Calibration::default(), None)
+        wandering(&seen, &given, &Calibration::default(), None, None)
     }
 
     #[test]

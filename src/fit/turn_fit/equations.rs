@@ -66,6 +66,8 @@ pub(super) struct Equations {
     pub(super) noise: [Matrix2<f64>; 2],
     /// Covariance with the turn before, likewise, if its second rest is the first of this turn.
     pub(super) shared: [Matrix2<f64>; 2],
+    /// Derivatives of the residual with respect to the accelerometer's bias after and before.
+    pub(super) by_bias: [Matrix2x3<f64>; 2],
     /// Derivatives of the residual with respect to the directions after and before.
     arrival: [Matrix2x3<f64>; 2],
 }
@@ -171,6 +173,7 @@ pub(super) fn linearise(
             by,
             noise: [measured, assumed],
             shared,
+            by_bias: [arrival[0] * after.by.fixed_columns::<3>(0), arrival[1] * before.by.fixed_columns::<3>(0)],
             arrival,
         });
     }

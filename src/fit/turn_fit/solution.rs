@@ -1,7 +1,8 @@
 //! Solution of the equations of the turns, with weights under which χ² equals its degrees of freedom.
 
-use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
+use super::bias_courses::BiasCourses;
 use super::equations::{DATASHEET, Declared, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
 use super::g_sensitivity::GSensitivity;
 use super::information::{OffDiagonals, Told};
@@ -21,6 +22,15 @@ const CONDITIONED: [f64; 2] = [50.0, 100.0];
 
 /// Weighted residual of a turn and its derivatives.
 type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
+
+/// Two rows of the factor L of the covariance of the residuals: those of one turn.
+struct Factor {
+    turn: usize,
+    /// Block below the diagonal, if errors are shared with the turn before.
+    shared: Option<Matrix2<f64>>,
+    /// Block on the diagonal, lower triangular.
+    triangle: Matrix2<f64>,
+}
 
 /// Size of the errors.
 #[derive(Clone, Copy, Debug)]
@@ -130,32 +140,72 @@ impl<'a> TurnSolution<'a> {
         Some(of(middle))
     }
 
-    /// Residuals and their derivatives, turn by turn, weighted so that their errors are independent and of unit
-    /// variance. Errors are shared only with the turn before, so the factor of their covariance is block bidiagonal.
-    fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
-        let mut white: Vec<Whitened> = Vec::with_capacity(self.equations.len());
-        let mut before: Option<(usize, Matrix2<f64>)> = None;
-        for (k, equations) in self.equations.iter().enumerate() {
-            if !self.kept.get(k).copied().unwrap_or(false) || without == Some(k) {
+    /// Factor of the covariance of the residuals, turn by turn. Errors are shared only with the turn before, so it is
+    /// block bidiagonal.
+    fn factors(&self, level: Level, without: Option<usize>) -> Option<Vec<Factor>> {
+        let mut factors: Vec<Factor> = Vec::with_capacity(self.equations.len());
+        for (turn, equations) in self.equations.iter().enumerate() {
+            if !self.kept.get(turn).copied().unwrap_or(false) || without == Some(turn) {
                 continue;
             }
             let at = |parts: &[Matrix2<f64>; 2]| parts[0] + parts[1] * level.share;
             let mut own = at(&equations.noise) + Matrix2::identity() * level.added;
-            let (mut residual, mut by) = (equations.residual, equations.by);
-            if let (Some((_, triangle)), Some((last, derivative))) =
-                (before.filter(|(earlier, _)| earlier + 1 == k), white.last())
-            {
+            let shared = match factors.last().filter(|before| before.turn + 1 == turn) {
                 // Subdiagonal block of the factor: L₂₁ = B L₁⁻ᵀ.
-                let shared = triangle.solve_lower_triangular(&at(&equations.shared).transpose())?.transpose();
-                own -= shared * shared.transpose();
+                Some(before) => {
+                    Some(before.triangle.solve_lower_triangular(&at(&equations.shared).transpose())?.transpose())
+                }
+                None => None,
+            };
+            own -= shared.map_or(Matrix2::zeros(), |shared| shared * shared.transpose());
+            factors.push(Factor { turn, shared, triangle: own.cholesky()?.l() });
+        }
+        Some(factors)
+    }
+
+    /// Residuals and their derivatives, turn by turn, weighted so that their errors are independent and of unit
+    /// variance.
+    fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
+        let mut white: Vec<Whitened> = Vec::with_capacity(self.equations.len());
+        for Factor { turn, shared, triangle } in self.factors(level, without)? {
+            let equations = &self.equations[turn];
+            let (mut residual, mut by) = (equations.residual, equations.by);
+            if let (Some(shared), Some((last, derivative))) = (shared, white.last()) {
                 residual -= shared * last;
                 by -= shared * derivative;
             }
-            let triangle = own.cholesky()?.l();
             white.push((triangle.solve_lower_triangular(&residual)?, triangle.solve_lower_triangular(&by)?));
-            before = Some((k, triangle));
         }
         Some(white)
+    }
+
+    /// Equations of the turns on an accelerometer's bias that changes from rest to rest.
+    pub(super) fn bias_courses(&self, session: &TurnSession) -> Option<BiasCourses> {
+        // An added error may come from the very change that is looked for.
+        let factors = self.factors(AS_ASSUMED, None)?;
+        let white = self.whitened(AS_ASSUMED, None)?;
+        let rows = 2 * white.len();
+        let mut by_rest = DMatrix::<f64>::zeros(rows, 3 * session.rests.len());
+        for (k, Factor { turn, shared, triangle }) in factors.iter().enumerate() {
+            let equations = &self.equations[*turn];
+            let mut own = DMatrix::zeros(2, by_rest.ncols());
+            let [from, to] = session.turns.get(*turn)?.rests;
+            for (rest, by_bias) in [to, from].into_iter().zip(equations.by_bias) {
+                let mut block = own.fixed_view_mut::<2, 3>(0, 3 * rest);
+                block += by_bias;
+            }
+            if let (Some(shared), Some(before)) = (shared, k.checked_sub(1)) {
+                own -= shared * by_rest.rows(2 * before, 2);
+            }
+            by_rest.rows_mut(2 * k, 2).copy_from(&triangle.solve_lower_triangular(&own)?);
+        }
+        let rests = session.rests.iter().enumerate();
+        Some(BiasCourses {
+            at: self.at,
+            targets: DVector::from_iterator(rows, white.iter().flat_map(|(residual, _)| [-residual.x, -residual.y])),
+            design: DMatrix::from_fn(rows, UNKNOWNS, |row, column| white[row / 2].1[(row % 2, column)]),
+            rests: rests.map(|(k, rest)| (rest.time, by_rest.columns(3 * k, 3).into_owned())).collect(),
+        })
     }
 
     fn solve(&self, level: Level, without: Option<usize>) -> Option<SolvedTurns> {
@@ -265,10 +315,7 @@ impl<'a> TurnSolution<'a> {
 
     /// Information from the turns alone about the accelerometer: that of the joint fit less that of its rests.
     fn told(&self, solved: &SolvedTurns) -> Option<Told> {
-        /// Errors common to all turns, such as those of fast motion and of jitter in the stamps, do not show in χ²: in
-        /// simulations the errors were up to twice as large as the turns alone indicate.
-        const SHARED: f64 = 2.0;
-        let stretch = (SHARED * stretch(solved.freedom)).powi(2);
+        let stretch = stretch(solved.freedom).powi(2);
         let all = solved.covariance.fixed_view::<9, 9>(9, 9).try_inverse()?;
         let rests = self.given.prior.fixed_view::<9, 9>(9, 9);
         let moment = all * self.at.fixed_rows::<9>(9) - rests * self.given.mean;

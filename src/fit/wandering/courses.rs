@@ -1,0 +1,332 @@
+//! Equations of the placements, and of the turns between them, on a bias that moves.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+
+use crate::fit::accelerometer::{Assumptions, MagnitudeEquation, Observation};
+use crate::fit::calibration::Calibration;
+use crate::fit::parameterisation::Parameterisation;
+use crate::fit::turn_fit::BiasCourses;
+
+/// Degrees of freedom that the assumed scatter is worth.
+pub(super) const TRUST: f64 = 4.0;
+
+/// Weighted equations, in which the errors are independent and, as assumed, of unit variance.
+struct Equations {
+    targets: DVector<f64>,
+    /// Derivatives with respect to the unknowns that do not move.
+    design: DMatrix<f64>,
+    /// Inverse prior variance of each unknown.
+    prior: DVector<f64>,
+    /// Number of equations of placements; those of turns come after them.
+    placements: usize,
+    /// Axes of which each placement tells by its length.
+    telling: Vec<[bool; 3]>,
+    /// Column of each parameter of the accelerometer, biases first.
+    columns: Vec<usize>,
+    /// Derivatives with respect to the bias at some time, s, in order of time.
+    carriers: Vec<Carrier>,
+}
+
+/// Part of the equations that depends on the bias at some time.
+struct Carrier {
+    time: f64,
+    /// First equation of the block.
+    row: usize,
+    /// Derivatives with respect to the three axes.
+    block: DMatrix<f64>,
+}
+
+impl Equations {
+    fn of(
+        seen: &[(f64, Observation)],
+        given: &Assumptions<'_>,
+        calibration: &Calibration,
+        turns: Option<&BiasCourses>,
+    ) -> Self {
+        match turns {
+            Some(turns) => Self::with_turns(seen, given, turns),
+            None => Self::of_placements(seen, given, calibration),
+        }
+    }
+
+    fn of_placements(seen: &[(f64, Observation)], given: &Assumptions<'_>, calibration: &Calibration) -> Self {
+        let leaks: Vec<_> = given.shape.unmodelled().collect();
+        let terms: Vec<_> = given.shape.terms().iter().copied().chain(leaks.iter().copied()).collect();
+        let unknowns = given.shape.unknowns();
+        let mut equations = Self {
+            targets: DVector::zeros(seen.len()),
+            design: DMatrix::zeros(seen.len(), terms.len()),
+            prior: DVector::from_fn(terms.len(), |k, _| {
+                if k < unknowns { 0.0 } else { 1.0 / given.leak().powi(2).max(1e-12) }
+            }),
+            placements: seen.len(),
+            telling: Vec::new(),
+            columns: (0..unknowns).collect(),
+            carriers: Vec::new(),
+        };
+        for (row, (time, observation)) in seen.iter().enumerate() {
+            let line = MagnitudeEquation::of(observation, given, calibration);
+            let direction = equations.place(row, *time, &line, given);
+            for (column, term) in terms.iter().enumerate() {
+                equations.design[(row, column)] = direction[term.axis()] * term.regressor(&line.truth);
+            }
+        }
+        equations
+    }
+
+    /// Without turns a diagonal S leaves off-diagonal entries open; with them they are unknowns like the others.
+    fn with_turns(seen: &[(f64, Observation)], given: &Assumptions<'_>, turns: &BiasCourses) -> Self {
+        let shape = Parameterisation::TRIANGULAR;
+        let (before, count) = (BiasCourses::BEFORE, seen.len());
+        let terms = shape.terms();
+        let rows = count + turns.targets.len();
+        let prior = DVector::from_fn(turns.design.ncols(), |k, _| {
+            let is_known = k < before || !Parameterisation::DIAGONAL.terms().contains(&terms[k - before]);
+            if is_known { BiasCourses::PRIOR.powi(-2) } else { 0.0 }
+        });
+        let column = |term| terms.iter().position(|known| known == term).map(|k| before + k);
+        let mut equations = Self {
+            targets: DVector::zeros(rows),
+            design: DMatrix::zeros(rows, turns.design.ncols()),
+            prior,
+            placements: count,
+            telling: Vec::new(),
+            columns: given.shape.terms().iter().filter_map(column).collect(),
+            carriers: Vec::new(),
+        };
+        let at = DVector::from_iterator(terms.len(), turns.at.iter().skip(before).copied());
+        let calibration = shape.calibration(&at);
+        for (row, (time, observation)) in seen.iter().enumerate() {
+            let line = MagnitudeEquation::of(observation, given, &calibration);
+            let direction = equations.place(row, *time, &line, given);
+            for (k, term) in terms.iter().enumerate() {
+                equations.design[(row, before + k)] = direction[term.axis()] * term.regressor(&line.truth);
+            }
+        }
+        equations.targets.rows_mut(count, turns.targets.len()).copy_from(&turns.targets);
+        equations.design.rows_mut(count, turns.targets.len()).copy_from(&turns.design);
+        let blocks = turns.rests.iter().map(|(time, block)| Carrier { time: *time, row: count, block: block.clone() });
+        equations.carriers.extend(blocks);
+        equations.carriers.sort_by(|a, b| a.time.total_cmp(&b.time));
+        equations
+    }
+
+    /// Adds the equation of a placement but for the design, and returns its derivative with respect to the reading.
+    fn place(&mut self, row: usize, time: f64, line: &MagnitudeEquation, given: &Assumptions<'_>) -> Vector3<f64> {
+        let scatter = line.by_measured.norm_squared() * given.placement_std.powi(2);
+        let weight = 1.0 / (scatter + line.noise).sqrt();
+        let direction = -line.by_measured * weight;
+        self.targets[row] = -line.residual * weight;
+        self.telling.push([0, 1, 2].map(|axis| direction[axis].abs() > 0.5 * direction.norm()));
+        self.carriers.push(Carrier { time, row, block: DMatrix::from_row_slice(1, 3, direction.as_slice()) });
+        direction
+    }
+
+    /// Divides the equations of placements and those of turns by these standard deviations.
+    fn scale(&mut self, [placements, turns]: [f64; 2]) {
+        let at = |row: usize| 1.0 / if row < self.placements { placements } else { turns };
+        for row in 0..self.targets.len() {
+            self.targets[row] *= at(row);
+            self.design.row_mut(row).scale_mut(at(row));
+        }
+        for carrier in &mut self.carriers {
+            for row in 0..carrier.block.nrows() {
+                carrier.block.row_mut(row).scale_mut(at(carrier.row + row));
+            }
+        }
+    }
+}
+
+/// Solved equations, with what they say of a bias that moves.
+pub(super) struct Courses {
+    equations: Equations,
+    /// Times of the placements, s, in order.
+    pub(super) times: Vec<f64>,
+    factor: Cholesky<f64, Dyn>,
+    left: DVector<f64>,
+    /// Degrees of freedom of the residuals.
+    pub(super) freedom: f64,
+    /// Placement that deviates most, and by how much the squares decrease without it.
+    pub(super) outlier: (usize, f64),
+    by_outlier: DVector<f64>,
+}
+
+impl Courses {
+    pub(super) fn of(
+        seen: &[(f64, Observation)],
+        given: &Assumptions<'_>,
+        calibration: &Calibration,
+        turns: Option<&BiasCourses>,
+    ) -> Option<Self> {
+        let mut seen = seen.to_vec();
+        seen.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let times: Vec<_> = seen.iter().map(|(time, _)| *time).collect();
+        let solved = Self::solved(Equations::of(&seen, given, calibration, turns), times)?;
+        // The scatter that is left once the likeliest explanation is taken away.
+        let steps = solved.steps().into_iter().map(|step| (step.explained, step.course));
+        let outlier = (solved.outlier.1, solved.by_outlier.clone());
+        let likeliest = steps.chain([outlier]).max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        let spread = solved.spread(&likeliest.1)?;
+        let Self { mut equations, times, .. } = solved;
+        equations.scale(spread);
+        Self::solved(equations, times)
+    }
+
+    fn solved(equations: Equations, times: Vec<f64>) -> Option<Self> {
+        let Equations { design, targets, prior, .. } = &equations;
+        let mut information = design.tr_mul(design);
+        prior.iter().enumerate().for_each(|(k, prior)| information[(k, k)] += prior);
+        let factor = information.cholesky()?;
+        let left = targets - design * factor.solve(&design.tr_mul(targets));
+        let known: f64 = factor.inverse().diagonal().component_mul(prior).sum();
+        let freedom = left.len() as f64 - (prior.len() as f64 - known);
+        let by_outlier = DVector::zeros(left.len());
+        let mut courses = Self { equations, times, factor, left, freedom, outlier: (0, 0.0), by_outlier };
+        for at in 0..courses.times.len() {
+            let (explained, course) = courses.as_outlier(at);
+            if explained > courses.outlier.1 {
+                (courses.outlier, courses.by_outlier) = ((at, explained), course);
+            }
+        }
+        Some(courses)
+    }
+
+    /// Squares that an error of one placement explains, less what chance explains with the additional unknowns, and its
+    /// course.
+    fn as_outlier(&self, at: usize) -> (f64, DVector<f64>) {
+        /// Squares that two further unknowns explain by chance, as often as the first one of them.
+        const FURTHER: f64 = 4.0;
+        let length = DVector::from_fn(self.left.len(), |row, _| f64::from(u8::from(row == at)));
+        let of_length = self.explained(&length).map_or(0.0, |(moment, information)| moment * moment / information);
+        let mut best = (of_length, length);
+        if self.equations.placements < self.left.len() {
+            let next = self.times.get(at + 1).copied().unwrap_or(f64::INFINITY);
+            let within = |time: f64| self.times[at] - SAME < time && time < next - SAME;
+            let columns = self.columns(|time| f64::from(u8::from(within(time))));
+            let (information, moment) = self.told_by(&columns);
+            let ridge = Matrix3::identity() * 1e-9 * (1.0 + information.trace());
+            if let Some(size) = (information + ridge).try_inverse().map(|inverse| inverse * moment) {
+                let explained = moment.dot(&size) - FURTHER;
+                if explained > best.0 {
+                    best = (explained, columns * size);
+                }
+            }
+        }
+        best
+    }
+
+    /// Standard deviations of the residuals of placements and of turns, if such a course explains a part of them.
+    fn spread(&self, course: &DVector<f64>) -> Option<[f64; 2]> {
+        let Equations { design, placements, .. } = &self.equations;
+        let passed = course - design * self.factor.solve(&design.tr_mul(course));
+        let information = course.dot(&passed);
+        let size = if information > 1e-9 { course.dot(&self.left) / information } else { 0.0 };
+        let left = &self.left - &passed * size;
+        let taken = self.factor.solve(&design.transpose());
+        let of = |rows: std::ops::Range<usize>| {
+            let squares: f64 = rows.clone().map(|row| left[row] * left[row]).sum();
+            let freedom: f64 = rows
+                .map(|row| {
+                    let by_course = if information > 1e-9 { passed[row] * passed[row] / information } else { 0.0 };
+                    1.0 - design.row(row).transpose().dot(&taken.column(row)) - by_course
+                })
+                .sum();
+            ((squares + TRUST) / (freedom.max(0.0) + TRUST)).sqrt()
+        };
+        Some([of(0..*placements), of(*placements..left.len())])
+    }
+
+    /// Course of the equations if each axis of the bias has moved by a share that depends on time.
+    fn columns(&self, share: impl Fn(f64) -> f64) -> DMatrix<f64> {
+        let mut columns = DMatrix::zeros(self.left.len(), 3);
+        for Carrier { time, row, block } in &self.equations.carriers {
+            let share = share(*time);
+            if share != 0.0 {
+                let mut there = columns.rows_mut(*row, block.nrows());
+                there += block * share;
+            }
+        }
+        columns
+    }
+
+    fn told_by(&self, columns: &DMatrix<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+        let passed = self.equations.design.tr_mul(columns);
+        let information = columns.tr_mul(columns) - passed.tr_mul(&self.factor.solve(&passed));
+        let moment = columns.tr_mul(&self.left);
+        (Matrix3::from_fn(|i, j| information[(i, j)]), Vector3::from_fn(|i, _| moment[i]))
+    }
+
+    /// Information on a change of each axis that follows `share`, and that information times the change.
+    pub(super) fn told(&self, share: impl Fn(f64) -> f64) -> (Matrix3<f64>, Vector3<f64>) {
+        self.told_by(&self.columns(share))
+    }
+
+    /// Moment and information of a course; `None` if the unknowns follow it.
+    fn explained(&self, course: &DVector<f64>) -> Option<(f64, f64)> {
+        let passed = self.equations.design.tr_mul(course);
+        let own = course.norm_squared();
+        let information = own - passed.dot(&self.factor.solve(&passed));
+        (information > 1e-6 * own).then(|| (course.dot(&self.left), information))
+    }
+
+    /// Whether a placement tells about an axis by its own length.
+    pub(super) fn tells(&self, at: usize, axis: usize) -> bool {
+        self.equations.telling.get(at).is_some_and(|telling| telling[axis])
+    }
+
+    /// Steps of each axis between two placements, where the equations tell about one.
+    pub(super) fn steps(&self) -> Vec<Step> {
+        /// Least share of a step that no other unknown follows.
+        const LEAST: f64 = 1e-3;
+        let count = self.times.len();
+        let has_turns = self.equations.placements < self.left.len();
+        let mut steps = Vec::new();
+        for axis in 0..3 {
+            let mut course = DVector::zeros(self.left.len());
+            let mut carriers = self.equations.carriers.iter().rev().peekable();
+            for at in (1..count).rev() {
+                while let Some(Carrier { row, block, .. }) =
+                    carriers.next_if(|carrier| carrier.time > self.times[at] - SAME)
+                {
+                    let mut there = course.rows_mut(*row, block.nrows());
+                    there += block.column(axis);
+                }
+                // Without turns only placements along an axis tell about it.
+                let behind = (at..count).any(|row| self.tells(row, axis));
+                let before = (0..at).filter(|row| self.tells(*row, axis)).count();
+                if !has_turns && (!behind || before < 2 || !self.tells(at, axis)) {
+                    continue;
+                }
+                let found = self.explained(&course);
+                if let Some((moment, information)) = found.filter(|found| found.1 >= LEAST * course.norm_squared()) {
+                    let explained = moment * moment / information;
+                    steps.push(Step { axis, at, moment, information, explained, course: course.clone() });
+                }
+            }
+        }
+        steps
+    }
+
+    /// Shift of the accelerometer's parameters by a course of the equations.
+    pub(super) fn shift(&self, axis: usize, share: impl Fn(f64) -> f64) -> DVector<f64> {
+        let course = self.columns(share).column(axis).into_owned();
+        let moved = self.factor.solve(&self.equations.design.tr_mul(&course));
+        DVector::from_iterator(self.equations.columns.len(), self.equations.columns.iter().map(|at| moved[*at]))
+    }
+}
+
+/// Stamps of the same rest differ by less, s.
+const SAME: f64 = 1e-6;
+
+/// Step of an axis between two placements.
+pub(super) struct Step {
+    pub(super) axis: usize,
+    /// First placement after it.
+    pub(super) at: usize,
+    pub(super) moment: f64,
+    pub(super) information: f64,
+    /// Squares that it explains.
+    pub(super) explained: f64,
+    /// Course of the equations under a step of one.
+    course: DVector<f64>,
+}
