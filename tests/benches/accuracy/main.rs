@@ -10,7 +10,7 @@
 //!    `full` on a rate table (see `rich`).
 //! 4. What is called CONFIRMED in sessions in which something goes wrong (see `status`). Target: confirmed and wrong in at
 //!    most 0.5 %, honest sessions confirmed in 95 %. Alone, a few seeds, rows by a part of their name:
-//!    `-- --only status --seeds 40 --row bump`.
+//!    `-- --only status --seeds 40 --row bump`; each session of it with `--tell`.
 //! 5. Fleets, none of whose recordings suffices (see `common/fleet.rs`): merged, the error over its Cramér–Rao bound,
 //!    coverage, and which shocks were found. Target of the first row, a fleet as the model assumes: 95 % of sensors
 //!    calibrated, a ratio of at most 1.15, 93 % to 97 %, 95 % of the shocks within a recording, one false alarm in 1,000
@@ -41,12 +41,13 @@ fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
     let mut full = false;
     let (mut seeds, mut after) = (None, 0);
-    let (mut only, mut part) = (None, String::new());
+    let (mut only, mut part, mut tell) = (None, String::new(), false);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--bench" => full = true,
             "--seeds" => seeds = arguments.next().and_then(|number| number.parse().ok()),
             "--only" => only = arguments.next(),
+            "--tell" => tell = true,
             "--row" => part = arguments.next().unwrap_or_default(),
             "--after" => after = arguments.next().and_then(|number| number.parse().ok()).unwrap_or(0),
             _ => {}
@@ -59,7 +60,7 @@ fn main() -> ExitCode {
         !wanted("accuracy") || accuracy(of(seeds)),
         !wanted("coverage") || coverage(of(4 * seeds)),
         !wanted("rich") || rich(of(seeds)),
-        !wanted("status") || statuses(of(seeds), &part),
+        !wanted("status") || statuses(of(seeds), &part, tell),
         !wanted("merged") || merged::fleets(of(seeds), &part),
     ];
     // Of a few seeds nothing is expected but that they run.
@@ -170,15 +171,18 @@ fn rich(seeds: Seeds) -> bool {
 }
 
 /// What is called confirmed.
-fn statuses(seeds: Seeds, part: &str) -> bool {
+fn statuses(seeds: Seeds, part: &str, tell: bool) -> bool {
     println!("\nStatuses, {seeds}; confirmed and wrong at most 0.5 %, honest sessions confirmed in 95 %\n");
     println!(
         "{:30} {:>9} {:>9} {:>7} {:>9} {:>9} | {:>9} {:>9} {:>7} {:>9}",
         "", "published", "confirmed", "wrong", "covered", "bounded", "gyroscope", "confirmed", "wrong", "covered"
     );
     let mut met = true;
-    for row in Row::ALL.iter().filter(|row| row.name.contains(part)) {
+    for row in Row::ALL.iter().filter(|row| row.name.starts_with(part)) {
         let outcomes = each(seeds, |seed| Outcome::of(&row.trial(seed)));
+        if tell {
+            outcomes.iter().zip(seeds.after + 1..).for_each(|(outcome, seed)| println!("{seed}: {outcome}"));
+        }
         let share = |of: &dyn Fn(&Outcome) -> bool| {
             100.0 * outcomes.iter().filter(|outcome| of(outcome)).count() as f64 / outcomes.len() as f64
         };
@@ -205,6 +209,9 @@ fn statuses(seeds: Seeds, part: &str) -> bool {
     }
     if "following the next step".contains(part) {
         let outcomes = each(seeds, |seed| Outcome::of(&status::follow(seed)));
+        if tell {
+            outcomes.iter().zip(seeds.after + 1..).for_each(|(outcome, seed)| println!("{seed}: {outcome}"));
+        }
         let share = |of: &dyn Fn(&Outcome) -> bool| {
             100.0 * outcomes.iter().filter(|outcome| of(outcome)).count() as f64 / outcomes.len() as f64
         };

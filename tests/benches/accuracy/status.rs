@@ -5,11 +5,14 @@
 //! is once in a thousand; where the bias moves, off what is true at the end. A
 //! lower-triangular S is held against the true one in the frame of the sensor's own axes.
 
+use std::fmt;
+
 use nalgebra::Vector3;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use stillpoint::Stamp;
 use stillpoint::imu::{Preset, Sensor};
 use stillpoint::simulate::{Pose, Reading, Scenario, Sensitivity};
 
@@ -61,6 +64,8 @@ enum Kind {
     Curve(f64),
     /// An elevator starts during one rest.
     Elevator,
+    /// Stamps that are off by so many seconds, one standard deviation.
+    Jitter(f64),
 }
 
 const fn row(name: &'static str, honest: bool, visits: usize, scatter: f64, kind: Kind) -> Row {
@@ -103,6 +108,8 @@ impl Row {
         row("ramp 150, 3 visits", false, 3, 0.5, Kind::Ramp(0.15)),
         row("turntable, 2 visits", false, 2, 1.0, Kind::Turning(5.0)),
         row("curve", false, 1, 1.0, Kind::Curve(1.0)),
+        row("jitter 2 ms, 2 visits", true, 2, 1.0, Kind::Jitter(0.002)),
+        row("jitter 2 ms, spread poses", false, 0, 1.0, Kind::Jitter(0.002)),
         row("elevator, 2 visits", false, 2, 1.0, Kind::Elevator),
     ];
 
@@ -249,6 +256,11 @@ impl Change {
         }
         let within = self.current.map_or(0.0, |(_, start)| seconds - start);
         let bad = reading.pose == Some(self.pose);
+        if let Kind::Jitter(std) = self.kind {
+            let late = std * self.random.sample::<f64, _>(StandardNormal);
+            // No stamp overtakes the next one.
+            reading.stamp = Stamp::from_nanos(reading.stamp.nanos() + (late.clamp(-0.004, 0.004) * 1e9) as i64);
+        }
         let accelerometer = reading.sensor == Sensor::Accelerometer;
         let up = reading.force.try_normalize(1.0).unwrap_or_default();
         let along = Vector3::ith(self.axis, 1.0);
@@ -316,6 +328,10 @@ pub struct Outcome {
     /// Whether the worst-case error was kept to in every direction.
     pub bounded: Option<bool>,
     pub gyroscope: [bool; 3],
+    /// Errors of bias and scale over their standard deviations.
+    pub off: Vec<f64>,
+    /// What the operator is told.
+    pub next_step: String,
 }
 
 impl Outcome {
@@ -335,6 +351,20 @@ impl Outcome {
             inside: [inside(&accelerometer), inside(&gyroscope)],
             bounded: (!bounded.is_empty()).then(|| bounded.iter().all(|bounded| *bounded)),
             gyroscope: [!gyroscope.is_empty(), gyro_confirmed, gyro_confirmed && off(&gyroscope)],
+            off: accelerometer.iter().map(|seen| seen.error / seen.std).collect(),
+            next_step: trial.next_step.clone(),
         }
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let said = match (self.wrong, self.confirmed, self.published) {
+            (true, ..) => "CONFIRMED WRONG",
+            (_, true, _) => "confirmed",
+            (_, _, true) => "provisional",
+            _ => "undetermined",
+        };
+        write!(f, "{said}, off by {:.2?} standard deviations; {}", self.off, self.next_step)
     }
 }
