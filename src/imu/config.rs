@@ -30,7 +30,7 @@ pub struct ImuConfig {
     pub gyro: Option<VectorConfig<RateUnit>>,
     /// Temperature of the sensor. Not needed where a well-known type of the accelerometer has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub temperature: Option<TemperatureConfig>,
+    pub temperature: Option<Box<TemperatureConfig>>,
     /// Sensor model: its datasheet replaces values in `fit.bounds` and `still` that are at their defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,

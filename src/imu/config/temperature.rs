@@ -87,7 +87,7 @@ mod tests {
 
     fn read(value: &str) -> Result<TemperatureConfig, String> {
         let imu = toml::from_str::<ImuConfig>(&format!("topic = '/imu'\ntemperature = {value}"));
-        imu.map(|imu| imu.temperature.unwrap_or_default()).map_err(|error| error.to_string())
+        imu.map(|imu| *imu.temperature.unwrap_or_default()).map_err(|error| error.to_string())
     }
 
     #[test]
