@@ -50,11 +50,13 @@ mod rest_judge;
 mod solution;
 mod solve;
 mod status;
+mod temperature;
 mod turn_outcome;
 mod turn_verdict;
 mod turning;
 mod unit_probe;
 mod units;
+mod warmth;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -178,6 +180,12 @@ impl Engine {
         }
     }
 
+    /// Takes the temperature of the sensor, °C. It counts from the last sample of the accelerometer on, until the next
+    /// one is taken: rests have its mean.
+    pub fn warm(&mut self, celsius: f64) {
+        self.segmenter.warm(celsius);
+    }
+
     /// Begins a new round, when the driver changes the calibration that it applies to a triad, from the sample with
     /// this stamp on. To be called before that sample is pushed. An open rest ends, and the readings of the triad so
     /// far no longer count; for the primary accelerometer, no earlier rest does.
@@ -279,6 +287,10 @@ impl Engine {
         let givens =
             Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, past_turns, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
+        if let Some(warmth) = temperature::learn(history.entries(), &solution, &judge, &givens, config) {
+            let solve = |entries: &mut [_]| solve::solve(entries, &judge, config, &givens);
+            solution = temperature::at_reference(history.entries_mut(), warmth, solution, solve);
+        }
         let unit = config.gyro_unit.unwrap_or_default();
         solution.turned = match probe {
             _ if !past_turns.is_empty() => axes::explanation_of_past(past_turns, history.entries()),
@@ -404,6 +416,10 @@ pub fn refit(
     rests.into_iter().for_each(|rest| engine.history.add(rest));
     let mut solution = engine.solve_with(turns);
     let moved = motion.replace(&mut solution);
+    if let Some(warmth) = &mut solution.warmth {
+        // A bias that is that of a time is not that of a temperature.
+        warmth.give_up(moved.map(|moved| moved.is_some()));
+    }
     let Engine { config, fixture, history, .. } = &engine;
     let stamp = history.entries().iter().map(|entry| entry.rest.end).max().unwrap_or_default();
     let header = publication::header(stamp, &config.frame_id);

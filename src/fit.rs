@@ -10,6 +10,7 @@ pub mod gyroscope;
 pub mod known_poses;
 pub mod outlier_test;
 pub mod secondary;
+pub mod temperature;
 pub mod turn_fit;
 
 mod bound;

@@ -25,6 +25,7 @@ mod pose;
 mod sample;
 mod scenario;
 mod sensor;
+mod temperature;
 mod trajectory;
 mod truth;
 mod validate;
@@ -37,5 +38,6 @@ pub use sample::{Reading, Samples, samples};
 pub use scenario::{
     Compression, Encoding, Motion, Pose, Recording, Reference, Scenario, Sensitivity, Triad, Vibration,
 };
+pub use temperature::Temperature;
 pub use truth::{Rest, TriadTruth, Truth};
 pub use write::record;

@@ -16,6 +16,7 @@ mod saturation;
 mod segmenter;
 mod signal;
 mod status;
+mod thermometer;
 mod time_base;
 mod triad_track;
 mod window;

@@ -1,11 +1,12 @@
 //! Correction of readings by a published calibration: `true = S⁻¹ (measured − bias)`, or for a gyroscope with
-//! g-sensitivity `S⁻¹ (measured − bias − G · true acceleration)`. Writing them into messages is left to
+//! g-sensitivity `S⁻¹ (measured − bias − G · true acceleration)`. The bias is that of the temperature, if it is known. Writing them into messages is left to
 //! [`Intake::rewrite`](crate::imu::Intake::rewrite).
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::fit;
+use crate::fit::temperature::BiasCourse;
 use crate::imu::Sensor;
 use crate::messages::triad::Status;
 use crate::messages::{Calibration, Triad};
@@ -26,6 +27,8 @@ struct Correction {
     inverse: Matrix3<f64>,
     /// g-sensitivity G of a gyroscope, rad/s per m/s².
     g_sensitivity: Option<Matrix3<f64>>,
+    /// Dependence of the bias on the temperature.
+    course: Option<BiasCourse>,
 }
 
 impl Corrections {
@@ -45,10 +48,22 @@ impl Corrections {
         self.triads.iter().flatten().any(|correction| correction.g_sensitivity.is_some())
     }
 
-    /// True value of a measured one, in m/s² or rad/s, if the triad is determined. `acceleration` is the true one of
-    /// the same instant, in m/s²; without it, a gyroscope with g-sensitivity is not corrected.
+    /// True value of a measured one, in m/s² or rad/s, if the triad is determined, with the bias at the temperature of
+    /// reference. `acceleration` is the true one of the same instant, in m/s²; without it, a gyroscope with g-sensitivity
+    /// is not corrected.
     pub fn correct(
         &self,
+        sensor: Sensor,
+        measured: Vector3<f64>,
+        acceleration: Option<Vector3<f64>>,
+    ) -> Option<Vector3<f64>> {
+        self.correct_at(None, sensor, measured, acceleration)
+    }
+
+    /// The same with the bias at a temperature, °C, if that is known.
+    pub fn correct_at(
+        &self,
+        celsius: Option<f64>,
         sensor: Sensor,
         measured: Vector3<f64>,
         acceleration: Option<Vector3<f64>>,
@@ -59,10 +74,14 @@ impl Corrections {
             Sensor::Secondary(i) => 2 + i,
             _ => return None,
         };
-        let Correction { bias, inverse, g_sensitivity } = self.triads.get(place)?.as_ref()?;
+        let Correction { bias, inverse, g_sensitivity, course } = self.triads.get(place)?.as_ref()?;
         let felt = match g_sensitivity {
             Some(g) => g * acceleration?,
             None => Vector3::zeros(),
+        };
+        let bias = match course.as_ref().zip(celsius) {
+            Some((course, celsius)) => bias + course.change(celsius),
+            None => *bias,
         };
         Some(inverse * (measured - bias - felt))
     }
@@ -93,13 +112,14 @@ fn correction(triad: &Triad) -> Option<Correction> {
     let inverse = calibration.inverse();
     let felt = g_sensitivity.iter().flat_map(|matrix| matrix.iter());
     let usable = inverse.iter().chain(calibration.bias.iter()).chain(felt).all(|entry| entry.is_finite());
-    usable.then_some(Correction { bias: calibration.bias, inverse, g_sensitivity })
+    let course = triad.temperature.as_ref().and_then(BiasCourse::of);
+    usable.then_some(Correction { bias: calibration.bias, inverse, g_sensitivity, course })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::messages::{self, triad::Model};
+    use crate::messages::{self, TemperatureModel, triad::Model};
 
     fn triad(sensor: &str, status: Status, sensitivity: Vec<f64>) -> Triad {
         Triad {
@@ -144,6 +164,25 @@ mod tests {
         let truth = corrections.correct(Sensor::Gyroscope, measured, Some(Vector3::new(5.0, 0.0, 10.0))).unwrap();
         assert!((truth - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-14, "{truth}");
         assert_eq!(corrections.correct(Sensor::Gyroscope, measured, None), None);
+    }
+
+    #[test]
+    fn the_bias_is_that_of_the_temperature_as_far_as_it_was_seen() {
+        let coefficients = vec![0.01, 0.0, -0.02, 0.001, 0.0, 0.0];
+        let (reference, minimum, maximum) = (30.0, 20.0, 50.0);
+        let coefficients_std = vec![1e-3; 6];
+        let model = TemperatureModel { order: 2, reference, minimum, maximum, coefficients, coefficients_std };
+        let warm = Triad { temperature: Some(model), ..triad("accelerometer", Status::Confirmed, Vec::new()) };
+        let corrections = Corrections::of(&Calibration { accelerometer: Some(warm), ..Calibration::default() });
+        let corrected =
+            |celsius| corrections.correct_at(celsius, Sensor::Accelerometer, Vector3::zeros(), None).unwrap();
+        // −bias − c1 d − c2 d², by hand.
+        for (celsius, d) in
+            [(None, 0.0), (Some(30.0), 0.0), (Some(40.0), 10.0), (Some(99.0), 20.0), (Some(-9.0), -10.0)]
+        {
+            let expected = Vector3::new(-0.1 - 0.01 * d - 0.001 * d * d, 0.2, -0.3 + 0.02 * d);
+            assert!((corrected(celsius) - expected).amax() < 1e-14, "{celsius:?}");
+        }
     }
 
     #[test]

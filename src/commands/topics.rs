@@ -36,7 +36,10 @@ fn machine(channels: &Channels) -> Value {
             "encoding": used.channel.message_encoding,
             "messages": used.messages,
             "hz": channels.rate(used),
-            "used": matches!(used.verdict, ChannelRole::Used(_) | ChannelRole::Position),
+            "used": matches!(
+                used.verdict,
+                ChannelRole::Used(_) | ChannelRole::Temperature { .. } | ChannelRole::Position
+            ),
             "verdict": used.verdict.to_string(),
             "remarks": used.remarks,
             "configuration": used.configuration.as_ref().map(ImuConfig::lines),
@@ -69,7 +72,9 @@ fn people(channels: &Channels) -> String {
             continue;
         }
         let verdict = match used.verdict {
-            ChannelRole::Used(_) | ChannelRole::Position => style(said(&used.verdict.to_string())).green(),
+            ChannelRole::Used(_) | ChannelRole::Temperature { .. } | ChannelRole::Position => {
+                style(said(&used.verdict.to_string())).green()
+            }
             ChannelRole::Skipped(_) => style(said(&used.verdict.to_string())).yellow(),
             _ => style(said(&used.verdict.to_string())).dim(),
         };

@@ -60,6 +60,9 @@ fn imus(imus: &[imu::ImuConfig]) -> Result<(), Fault> {
         if !names.insert(name.trim_start_matches('/')) {
             return fault(&key, format!("two IMUs are called {name}; give one of them another `name`"));
         }
+        if let Some(name) = imu.temperature.as_ref().and_then(|temperature| temperature.topic.as_ref()) {
+            topic(&format!("imu.{i}.temperature.topic"), name)?;
+        }
         if let Some(reference) = &imu.reference {
             topic(&format!("imu.{i}.reference.topic"), &reference.topic)?;
         }

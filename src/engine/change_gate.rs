@@ -102,7 +102,8 @@ fn is_determined(triad: &Triad) -> bool {
 }
 
 fn is_news(last: &Triad, now: &Triad) -> bool {
-    if last.status() != now.status() || last.model() != now.model() {
+    let order = |triad: &Triad| triad.temperature.as_ref().map(|model| model.order);
+    if last.status() != now.status() || last.model() != now.model() || order(last) != order(now) {
         return true;
     }
     let old = parameters_of(last).zip(stds_of(last));
@@ -114,11 +115,13 @@ fn is_news(last: &Triad, now: &Triad) -> bool {
 }
 
 fn parameters_of(triad: &Triad) -> impl Iterator<Item = f64> {
-    components(triad.bias.as_ref()).chain(triad.sensitivity.clone())
+    let coefficients = triad.temperature.iter().flat_map(|model| model.coefficients.clone());
+    components(triad.bias.as_ref()).chain(triad.sensitivity.clone()).chain(coefficients)
 }
 
 fn stds_of(triad: &Triad) -> impl Iterator<Item = f64> {
-    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone())
+    let coefficients = triad.temperature.iter().flat_map(|model| model.coefficients_std.clone());
+    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone()).chain(coefficients)
 }
 
 fn components(vector: Option<&messages::Vector3>) -> impl Iterator<Item = f64> {

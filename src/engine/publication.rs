@@ -8,7 +8,7 @@ use super::guidance;
 use super::refusal::held_back;
 use super::rest_history::{JudgedRest, RestHistory};
 use super::solution::Solution;
-use super::{status, units};
+use super::{status, temperature, units};
 use crate::Stamp;
 use crate::fit::{Estimate, Fixture, Parameterisation, Term};
 use crate::imu::Sensor;
@@ -43,7 +43,7 @@ pub(super) fn segment(
         explanation: verdict.explanation.clone(),
         means: means.map(|(name, mean)| triad_mean(name, mean)).collect(),
         placement: rest.placement,
-        temperature: None,
+        temperature: rest.temperature,
     }
 }
 
@@ -87,6 +87,7 @@ pub(super) fn calibration(
     solution: &Solution,
 ) -> messages::Calibration {
     let used = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
+    let temperatures = || used().filter_map(|entry| entry.rest.temperature);
     messages::Calibration {
         header: Some(header),
         revision: 0,
@@ -99,8 +100,8 @@ pub(super) fn calibration(
         placements: solution.placements as u32,
         begin: used().map(|entry| entry.rest.start).min().map(Into::into),
         end: used().map(|entry| entry.rest.end).max().map(Into::into),
-        temperature_min: None,
-        temperature_max: None,
+        temperature_min: temperatures().reduce(f64::min),
+        temperature_max: temperatures().reduce(f64::max),
     }
 }
 
@@ -123,7 +124,10 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     notes.extend(guidance::caveats(solution, fit, config.fit.placement_std));
     notes.extend(solution.coarse_step.map(guidance::coarse));
     notes.push(guidance::assumed_gravity(solution.gravity));
+    let warmth = solution.warmth.as_ref().map(|warmth| &warmth.accelerometer);
+    notes.extend(warmth.map(|course| temperature::note(course, true)));
     Triad {
+        temperature: warmth.and_then(|course| course.as_ref().ok()).map(temperature::model),
         status: status::message(status::accelerometer(solution)).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
         notes,
@@ -169,7 +173,11 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let unit = config.gyro_unit.unwrap_or_default();
     let unconfirmed =
         (!solution.unit_confirmed && notes.is_empty() && !config.reference).then(|| units::unconfirmed_unit(unit));
-    let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed).collect();
+    let warmth = solution.warmth.as_ref().map(|warmth| &warmth.gyroscope);
+    let warm = warmth.map(|course| temperature::note(course, false));
+    let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed);
+    let notes = notes.chain(warm).collect();
+    let named = Triad { temperature: warmth.and_then(|course| course.as_ref().ok()).map(temperature::model), ..named };
     let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     match (by_turns, &solution.gyro_at_rest) {
         (Some(turns), Some(bias)) if fit.shape != bias.shape => {

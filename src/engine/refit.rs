@@ -124,7 +124,9 @@ pub fn rest_of(segment: &Segment) -> Option<(Rest, BTreeMap<String, TriadMean>)>
         }
     }
     let (placement, crept) = (segment.placement, false);
-    let rest = Rest { start, end, placement, crept, accelerometer: accelerometer?, gyroscope, secondary: Vec::new() };
+    let temperature = segment.temperature.filter(|temperature| temperature.is_finite());
+    let (accelerometer, others) = (accelerometer?, Vec::new());
+    let rest = Rest { start, end, placement, crept, accelerometer, gyroscope, secondary: others, temperature };
     (start <= end).then_some((rest, secondary))
 }
 

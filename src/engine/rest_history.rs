@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::imu::Sensor;
@@ -29,6 +30,9 @@ pub(super) struct JudgedRest {
     pub(super) count: u64,
     /// Total duration of these rests, s.
     pub(super) seconds: f64,
+    /// What was taken off its mean rate for its temperature, rad/s.
+    #[serde(skip)]
+    pub(super) rate_taken_off: Vector3<f64>,
 }
 
 /// Verdict on a rest.
@@ -73,7 +77,8 @@ impl RestHistory {
     pub(super) fn add(&mut self, rest: Rest) {
         let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
         let seconds = rest.seconds();
-        self.entries.push(JudgedRest { rest, verdict, told: None, count: 1, seconds });
+        let rate_taken_off = Vector3::zeros();
+        self.entries.push(JudgedRest { rest, verdict, told: None, count: 1, seconds, rate_taken_off });
     }
 
     /// Removes the readings of a triad from every rest; for the primary accelerometer, the rests themselves.
@@ -149,6 +154,13 @@ impl JudgedRest {
         for (mine, theirs) in rest.secondary.iter_mut().zip(&later.rest.secondary) {
             *mine = both(mine.as_ref(), theirs.as_ref());
         }
+        rest.temperature = match (rest.temperature, later.rest.temperature) {
+            (Some(mine), Some(theirs)) => {
+                let share = later.seconds / (self.seconds + later.seconds).max(f64::MIN_POSITIVE);
+                Some(mine + (theirs - mine) * share)
+            }
+            (one, other) => one.or(other),
+        };
         self.count += later.count;
         self.seconds += later.seconds;
     }

@@ -4,6 +4,7 @@ use super::drift::Drift;
 use super::fault::Fault;
 use super::refusal::Refusal;
 use super::turn_outcome::Turning;
+use super::warmth::Warmth;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
 use crate::turns::Explanation;
 
@@ -48,6 +49,8 @@ pub(super) struct Solution {
     /// Contradictions that cannot be resolved, as texts.
     pub(super) doubts: Vec<String>,
     pub(super) drift: Option<Drift>,
+    /// Dependence of the biases on the temperature, if the rests have one.
+    pub(super) warmth: Option<Warmth>,
     /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,
 }

@@ -158,6 +158,7 @@ fn others(
         refused,
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
         drift,
+        warmth: None,
         gyro_placements: rates.len(),
         gyro_relaxed: entries
             .iter()

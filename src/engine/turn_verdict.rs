@@ -134,7 +134,11 @@ impl<'a> View<'a> {
         let gyroscope = self.solution.gyroscope.as_ref().map(|fit| fit.calibration());
         let pieces = turn.pieces();
         let followed = before.zip(after).map(|(before, after)| {
-            let force = [before.accelerometer.mean, after.accelerometer.mean];
+            let warmth = |rest: &crate::still::Rest| {
+                let warmth = self.solution.warmth.as_ref();
+                warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature))
+            };
+            let force = [before, after].map(|rest| rest.accelerometer.mean - warmth(rest));
             let up = force.map(|force| up(&accelerometer, &force));
             let rate = |rest: &crate::still::Rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean);
             let ends = Ends { up, rate: [rate(before), rate(after)], by_up: Matrix3::zeros() };

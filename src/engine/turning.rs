@@ -170,7 +170,8 @@ fn seen(entry: &JudgedRest, first: Stamp) -> Option<RestSeen> {
     Some(RestSeen {
         force: [mean - half, mean + half],
         force_noise: rest.accelerometer.mean_variance() + half.component_mul(&half) / 4.0,
-        rate: gyroscope.mean,
+        rate: gyroscope.mean + entry.rate_taken_off,
+        rate_taken_off: entry.rate_taken_off,
         rate_noise: gyroscope.mean_variance(),
         time: rest.start.seconds_since(first),
     })

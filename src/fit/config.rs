@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bound::Bounds;
 use super::gravity::Place;
+use super::temperature::TemperatureFit;
 
 /// Settings of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +42,9 @@ pub struct Config {
     /// Whether each turn between two rests that looks like whole turns of a table was exactly that, ± 0.5°: it shows the
     /// gyroscope's scale about the vertical, as no other turn does.
     pub whole_turns: bool,
+    /// Dependence of the biases on the temperature.
+    #[serde(skip_serializing_if = "TemperatureFit::is_auto")]
+    pub temperature: TemperatureFit,
     /// Loss function of the residuals.
     pub loss: Loss,
     /// Trigger of a refit.
@@ -69,6 +73,7 @@ impl Default for Config {
             nonlinearity: 0.0,
             max_error: 0.1,
             whole_turns: false,
+            temperature: TemperatureFit::Auto,
             loss: Loss::Square,
             refit: Refit::Segment,
             half_life_s: None,

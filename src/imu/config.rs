@@ -1,5 +1,7 @@
 //! The `[[imu]]` tables of the configuration: the topics and fields that form an IMU.
 
+mod temperature;
+
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -7,6 +9,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
+pub use self::temperature::{TemperatureConfig, TemperatureUnit};
 use crate::imu::preset::Preset;
 use crate::imu::schema::path::FieldPath;
 
@@ -25,6 +28,9 @@ pub struct ImuConfig {
     /// Angular rate. Not needed for well-known types.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro: Option<VectorConfig<RateUnit>>,
+    /// Temperature of the sensor. Not needed where a well-known type of the accelerometer has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Box<TemperatureConfig>>,
     /// Sensor model: its datasheet replaces values in `fit.bounds` and `still` that are at their defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,

@@ -12,7 +12,7 @@ use crate::imu::mapping::known_types::{KnownType, known};
 use crate::imu::mapping::paired_topics::{PairedTopic, Side};
 use crate::imu::mapping::position::{Position, PositionSearch};
 use crate::imu::mapping::refusal::{Cause, Notice, RefusalCount};
-use crate::imu::mapping::registry::{Imu, Triad, admit, is_zero, owner};
+use crate::imu::mapping::registry::{Imu, Triad, admit, is_zero, owner, warmed};
 use crate::imu::mapping::request::Request;
 use crate::imu::mapping::route::Route;
 use crate::imu::mapping::source::Source;
@@ -43,6 +43,11 @@ pub struct Intake {
     imus: Vec<Imu>,
     notices: Vec<Notice>,
     fixes: PositionSearch,
+    /// Temperatures of the last messages, °C, until they are taken.
+    #[serde(skip)]
+    temperatures: Vec<(ImuId, f64)>,
+    /// Latest temperature of each IMU that has one, °C.
+    warmth: BTreeMap<ImuId, f64>,
 }
 
 /// A topic that the configuration names and the recording lacks.
@@ -73,6 +78,8 @@ impl Intake {
             imus: Vec::new(),
             notices: Vec::new(),
             fixes: PositionSearch::default(),
+            temperatures: Vec::new(),
+            warmth: BTreeMap::new(),
         };
         imus.iter().for_each(|imu| intake.add(Source::new(imu.clone())));
         intake
@@ -150,7 +157,8 @@ impl Intake {
         sink: &mut impl FnMut(ImuId, Sensor, Reading),
     ) {
         self.listen(channel_id, data);
-        let Self { sources, imus, notices, routes, .. } = self;
+        self.temperatures.clear();
+        let Self { sources, imus, notices, routes, temperatures, warmth, .. } = self;
         for route in routes.get_mut(&channel_id).into_iter().flatten() {
             let Some(source) = sources.get_mut(route.source) else { continue };
             let mut notice = |topic: &str, text: String| {
@@ -210,7 +218,23 @@ impl Intake {
                     }
                 }
             }
+            if let Some(celsius) = route.temperature()
+                && let Some(id) = warmed(source, route, &frame)
+            {
+                temperatures.push((id, celsius));
+                warmth.insert(id, celsius);
+            }
         }
+    }
+
+    /// Takes the temperatures in the last message, °C, each with its IMU.
+    pub fn take_temperatures(&mut self) -> impl Iterator<Item = (ImuId, f64)> {
+        self.temperatures.drain(..)
+    }
+
+    /// Latest temperature of an IMU, °C, if it has had one.
+    pub fn temperature(&self, imu: ImuId) -> Option<f64> {
+        self.warmth.get(&imu).copied()
     }
 
     /// Rewrites the last message with other readings: for each IMU that reads it, the name that its topics begin with,
@@ -269,7 +293,7 @@ impl Intake {
             let refused = !route.counts.is_empty() || route.taps.iter().any(|tap| !tap.counts.is_empty());
             if route.messages == 0 && !refused {
                 reasons.push("has no messages".to_owned());
-            } else if route.taps.iter().all(|tap| tap.sensor == Sensor::Gyroscope) {
+            } else if !route.taps.is_empty() && route.taps.iter().all(|tap| tap.sensor == Sensor::Gyroscope) {
                 reasons.push("is a gyroscope alone; an IMU needs an accelerometer".to_owned());
             }
         }
@@ -328,27 +352,30 @@ impl Intake {
         if by_itself {
             imus.iter().for_each(|known| self.add(Source::found(topic, known, imus.len() == 1)));
         }
-        let mut uses = Vec::new();
+        let (mut uses, mut temperature) = (Vec::new(), None);
         let mut fault = None;
         for &i in self.readers.get(topic).into_iter().flatten() {
             let Some(source) = self.sources.get(i) else { continue };
             let known = source.known(&known);
-            let requests = source.requests(topic, known);
-            if requests.is_empty() {
+            let (requests, warmth) = (source.requests(topic, known), source.temperature(topic, known));
+            if requests.is_empty() && warmth.is_none() {
                 continue;
             }
-            match Route::new(topic, layout, known, i, &requests) {
+            match Route::new(topic, layout, known, i, &requests, warmth) {
                 Ok(route) => {
+                    let path = route.temperature_path().map(str::to_owned);
+                    temperature = temperature.or(path.map(|path| (source.name(), path)));
                     uses.extend(route.taps.iter().map(|tap| tap.used_by(source.name())));
                     self.routes.entry(channel_id).or_default().push(route);
                 }
                 Err(error) => fault = fault.or(Some(error.to_string())),
             }
         }
-        let verdict = match (uses.is_empty(), fault) {
-            (false, _) => ChannelRole::Used(uses),
-            (true, Some(fault)) => ChannelRole::Skipped(fault),
-            (true, None) => ChannelRole::Other {
+        let verdict = match (uses.is_empty(), fault, temperature) {
+            (false, ..) => ChannelRole::Used(uses),
+            (true, Some(fault), _) => ChannelRole::Skipped(fault),
+            (true, None, Some((imu, path))) => ChannelRole::Temperature { imu, path },
+            (true, None, None) => ChannelRole::Other {
                 vectors: layout.vectors(),
                 suggestion: Suggestion::of(topic, layout).map(Box::new),
             },
@@ -399,7 +426,8 @@ impl Intake {
         half.source = route.map(|route| route.source);
         if half.side == Side::Gyroscope {
             let request = known.gyro.as_ref().map(Request::other_half);
-            half.gyro = request.and_then(|request| Route::new(&half.topic, layout, Some(known), 0, &[request]).ok());
+            half.gyro =
+                request.and_then(|request| Route::new(&half.topic, layout, Some(known), 0, &[request], None).ok());
         }
         let alike = self.pairs.entry(half.common()).or_default();
         let mut others = alike.iter().filter_map(|id| Some((*id, self.halves.get(id)?)));

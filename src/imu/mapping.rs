@@ -11,4 +11,5 @@ pub(super) mod request;
 pub(super) mod route;
 pub(super) mod source;
 pub(super) mod suggestion;
+pub(super) mod thermometer;
 pub(super) mod time_source;

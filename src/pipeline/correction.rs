@@ -43,11 +43,13 @@ pub(crate) fn corrected<'i, 'c>(
     intake.rewrite(message.channel, message.data, |imu, sensor, value| {
         let corrections = by(imu).filter(|corrections| corrections.need_acceleration())?;
         if sensor == Sensor::Accelerometer {
-            accelerations.insert(imu, corrections.correct(sensor, value, None)?);
+            accelerations.insert(imu, corrections.correct_at(intake.temperature(imu), sensor, value, None)?);
         }
         None
     });
-    let change = |imu, sensor, value| by(imu)?.correct(sensor, value, accelerations.get(&imu).copied());
+    let change = |imu, sensor, value| {
+        by(imu)?.correct_at(intake.temperature(imu), sensor, value, accelerations.get(&imu).copied())
+    };
     intake.rewrite(message.channel, message.data, change)
 }
 

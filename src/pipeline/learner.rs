@@ -318,6 +318,9 @@ impl Learner {
         for notice in self.sources.intake.take_notices() {
             self.log(Level::Warning, notice.text, notify);
         }
+        for (imu, celsius) in self.sources.intake.take_temperatures() {
+            self.imus.get_mut(imu.index()).into_iter().for_each(|learning| learning.engine.warm(celsius));
+        }
         let Self { timing, readings, timed, .. } = self;
         timing.pass(message.channel, message.log_time, readings, &mut |read| timed.push(read));
         self.readings.clear();

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Findings, calibration, matrix, vector};
+use crate::fit::temperature::BiasCourse;
 use crate::fit::{Calibration, Gravity};
 use crate::messages::triad::Status;
 use crate::messages::{self, Triad};
@@ -82,6 +83,7 @@ fn moved(now: &Triad, then: &Triad, gravity: Option<f64>, shared: f64) -> Option
     if then.status() == Status::Undetermined {
         return None;
     }
+    let then = &at_temperature_of(now, then);
     let earlier = calibration(then);
     let changes = |now: [Option<&messages::Vector3>; 2], then: [Option<&messages::Vector3>; 2], shared: f64| {
         let [value, std] = now.map(|v| v.map(vector));
@@ -104,6 +106,22 @@ fn moved(now: &Triad, then: &Triad, gravity: Option<f64>, shared: f64) -> Option
         .filter(|_| matrix(&then.sensitivity).is_some()),
         worst: gravity.zip(earlier).map(|(gravity, earlier)| worst(&current, &earlier, gravity)),
     })
+}
+
+/// Earlier triad with its bias at the temperature that the present one is for, as far as that is known.
+fn at_temperature_of(now: &Triad, then: &Triad) -> Triad {
+    let (Some(now), Some(course)) = (&now.temperature, then.temperature.as_ref().and_then(BiasCourse::of)) else {
+        return then.clone();
+    };
+    let (change, more) = (course.change(now.reference), course.change_std(now.reference));
+    let shifted = |v: &messages::Vector3| messages::Vector3 { x: v.x + change.x, y: v.y + change.y, z: v.z + change.z };
+    let wider = |v: &messages::Vector3| messages::Vector3 {
+        x: libm::hypot(v.x, more.x),
+        y: libm::hypot(v.y, more.y),
+        z: v.z.hypot(more.z),
+    };
+    let (bias, bias_std) = (then.bias.as_ref().map(shifted), then.bias_std.as_ref().map(wider));
+    Triad { bias, bias_std, ..then.clone() }
 }
 
 /// Largest ‖corrected with `earlier` − true‖ over all directions of a true value of length g, if `now` is right.

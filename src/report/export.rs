@@ -5,6 +5,7 @@ pub(super) mod autopilot;
 mod imu_calib;
 mod kalibr;
 mod stillpoint;
+pub(super) mod thermal;
 
 use std::str::FromStr;
 
@@ -251,6 +252,20 @@ fn gyroscope(imu: &Findings) -> Option<(&Triad, Calibration)> {
     Some((triad, calibration(triad)?))
 }
 
+/// What the change of a bias with temperature is called.
+const BY_TEMPERATURE: &str = "change of bias with temperature";
+
+/// Next step where a format cannot hold what a triad has beyond bias and S.
+fn instead(what: &str) -> &'static str {
+    match what {
+        BY_TEMPERATURE => {
+            "calibrate the recording with --set fit.temperature=off for one bias of all temperatures, or use --format json, \
+             yaml, px4 or ardupilot"
+        }
+        _ => "use --format json or yaml",
+    }
+}
+
 /// Names of what a triad has beyond bias and S: formats that cannot hold it refuse it.
 fn beyond(triad: &Triad) -> impl Iterator<Item = &'static str> {
     let said = |values: &[f64]| values.iter().any(|&value| value != 0.0);
@@ -258,7 +273,7 @@ fn beyond(triad: &Triad) -> impl Iterator<Item = &'static str> {
         ("g-sensitivity", said(&triad.g_sensitivity)),
         ("g²-sensitivity", said(&triad.g2_sensitivity)),
         ("sensitivity to rotation", said(&triad.rate_sensitivity)),
-        ("change of bias with temperature", triad.temperature.as_ref().is_some_and(|model| said(&model.coefficients))),
+        (BY_TEMPERATURE, triad.temperature.as_ref().is_some_and(|model| said(&model.coefficients))),
     ];
     named.into_iter().filter_map(|(name, is_said)| is_said.then_some(name))
 }

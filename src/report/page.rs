@@ -14,6 +14,7 @@ mod paste;
 mod rests;
 mod signal;
 mod summary;
+mod temperature;
 
 use maud::{Markup, PreEscaped, html};
 
@@ -103,6 +104,7 @@ impl Page<'_> {
             Some(numbers::section(&imu, self.earlier)),
             paste::section(&imu, self.recording),
             rests::residuals(&imu),
+            temperature::section(&imu),
             history::section(&imu),
             signal::statistic(&imu),
             rests::rejected(&imu),

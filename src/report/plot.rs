@@ -181,6 +181,7 @@ impl Plot {
         let (ticks, axis) = match x {
             Along::Clock => (self.x.clock(), "time since the first reading, min:s"),
             Along::Names(names) => (names.to_vec(), "rest"),
+            Along::Values(unit) => (self.x.ticks(), unit),
         };
         let xs = ticks.into_iter().map(|(value, name)| (self.px(value), name));
         let xs: Vec<_> = xs.filter(on_canvas).collect();
@@ -211,6 +212,8 @@ pub(super) enum Along<'a> {
     Clock,
     /// Values and their names.
     Names(&'a [(f64, String)]),
+    /// Round values in this unit.
+    Values(&'a str),
 }
 
 #[cfg(test)]

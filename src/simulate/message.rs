@@ -20,10 +20,12 @@ pub(super) struct Header<'a> {
 /// Content of a message.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Body {
-    /// Message of an IMU: specific force and angular rate, one of which may be measured elsewhere.
-    Imu { accel: Option<Vector3<f64>>, gyro: Option<Vector3<f64>> },
+    /// Message of an IMU: specific force and angular rate, one of which may be measured elsewhere, and temperature, °C.
+    Imu { accel: Option<Vector3<f64>>, gyro: Option<Vector3<f64>>, celsius: Option<f64> },
     /// Message of a secondary accelerometer.
     Vector(Vector3<f64>),
+    /// Message of a thermometer, °C.
+    Temperature(f64),
 }
 
 /// Schema of a message.
@@ -38,7 +40,10 @@ pub(super) struct Schema {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Type {
     Imu,
+    /// IMU with a temperature.
+    WarmImu,
     Vector,
+    Temperature,
 }
 
 impl Encoding {

@@ -42,13 +42,6 @@ pub struct Samples {
 /// If a value of the scenario cannot be simulated, with its key.
 pub fn samples(scenario: &Scenario) -> Result<Samples, Error> {
     validate(scenario)?;
-    // Every source of randomness has a stream of its own, so that one more sensor does not change the noise of the
-    // others.
-    let stream = |stream: u64| {
-        let mut random = ChaCha8Rng::seed_from_u64(scenario.recording.seed);
-        random.set_stream(stream);
-        random
-    };
     let gyroscope = scenario.gyroscope.iter().map(|triad| (imu::Sensor::Gyroscope, triad));
     let secondary =
         scenario.secondary.values().enumerate().map(|(index, triad)| (imu::Sensor::Secondary(index), triad));
@@ -65,13 +58,20 @@ pub fn samples(scenario: &Scenario) -> Result<Samples, Error> {
             imu::Sensor::Reference(Quantity::Force) => u64::MAX,
             imu::Sensor::Reference(Quantity::Rate) => u64::MAX - 1,
         };
-        Sensor::new(which, triad, scenario, stream(own))
+        Sensor::new(which, triad, scenario, stream(scenario, own))
     });
     Ok(Samples {
         start: Stamp::from_nanos(i64::from(scenario.recording.start_s) * 1_000_000_000),
-        trajectory: Trajectory::new(scenario, &mut stream(0), &mut stream(1)),
+        trajectory: Trajectory::new(scenario, &mut stream(scenario, 0), &mut stream(scenario, 1)),
         sensors: sensors.collect(),
     })
+}
+
+/// Source of randomness. Each has a stream of its own, so that one more sensor does not change the noise of the others.
+pub(super) fn stream(scenario: &Scenario, stream: u64) -> ChaCha8Rng {
+    let mut random = ChaCha8Rng::seed_from_u64(scenario.recording.seed);
+    random.set_stream(stream);
+    random
 }
 
 impl Iterator for Samples {

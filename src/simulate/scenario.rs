@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::Fault;
+use super::{Fault, Temperature};
 
 /// A session with one IMU: its sensors, the poses it rests in, and the motion between them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,9 @@ pub struct Scenario {
     /// Reference for the true specific force and angular rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
+    /// Temperature of the sensors; that of their biases if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Temperature>,
     /// Motion between poses.
     #[serde(default)]
     pub motion: Motion,
@@ -142,6 +145,10 @@ pub struct Triad {
     /// Increase of the bias per hour, in m/s² or rad/s.
     #[serde(default)]
     pub bias_drift_per_h: [f64; 3],
+    /// Change of the bias with temperature, by degree: m/s² or rad/s per °C, per °C², per °C³ from the reference of the
+    /// temperature.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bias_by_temperature: Vec<[f64; 3]>,
     /// Gyroscope: sensitivity to specific force, rows of rad/s per m/s².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub g_sensitivity: Option<[[f64; 3]; 3]>,
@@ -310,11 +317,13 @@ impl Scenario {
     }
 
     /// All topics of the recording: of the primary accelerometer, of the gyroscope if it has its own, of the
-    /// secondaries, of the reference.
+    /// secondaries, of the reference, of the temperature.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let others = self.gyroscope.iter().chain(self.secondary.values());
         let reference = self.reference.iter().map(|reference| reference.topic.as_str());
-        std::iter::once(self.imu_topic()).chain(others.filter_map(|triad| triad.topic.as_deref())).chain(reference)
+        let temperature = self.temperature.iter().filter_map(|temperature| temperature.topic.as_deref());
+        let others = others.filter_map(|triad| triad.topic.as_deref());
+        std::iter::once(self.imu_topic()).chain(others).chain(reference).chain(temperature)
     }
 }
 

@@ -7,7 +7,7 @@ use rand_distr::StandardNormal;
 
 use super::scenario::matrix;
 use super::trajectory::State;
-use super::{Scenario, Triad};
+use super::{Scenario, Temperature, Triad};
 use crate::imu::{self, Quantity};
 
 /// A sensor with its random generator.
@@ -15,6 +15,7 @@ use crate::imu::{self, Quantity};
 pub(super) struct Sensor {
     pub which: imu::Sensor,
     triad: Triad,
+    temperature: Option<Temperature>,
     sensitivity: Matrix3<f64>,
     /// Sensitivity to the other quantity: rate for an accelerometer, specific force for a gyroscope.
     cross: Matrix3<f64>,
@@ -44,6 +45,7 @@ impl Sensor {
             cross: triad.g_sensitivity.or(triad.rate_sensitivity).map(matrix).unwrap_or_default(),
             square: triad.g2_sensitivity.map(Vector3::from).unwrap_or_default(),
             triad: triad.clone(),
+            temperature: scenario.temperature.clone(),
             offsets,
             noise: normal(&mut random) * triad.noise,
             memory,
@@ -66,7 +68,7 @@ impl Sensor {
         };
         let seconds = self.next() as f64 * 1e-9;
         let drift = Vector3::from(self.triad.bias_drift_per_h) * (seconds / 3600.0);
-        let bias = Vector3::from(self.triad.bias) * self.triad.fault.bias_left(seconds) + drift;
+        let bias = Vector3::from(self.triad.bias) * self.triad.fault.bias_left(seconds) + drift + self.warmth(seconds);
         let own = if self.triad.fault.gravity_removed { own - state.gravity } else { own };
         let cross = self.cross * other + self.square.component_mul(&other.component_mul(&other));
         // First-order Gauss–Markov process, whose standard deviation does not depend on its memory.
@@ -78,6 +80,16 @@ impl Sensor {
         let recorded = self.triad.fault.recorded(reading, seconds, self.recorded);
         self.recorded = Some(recorded);
         recorded
+    }
+
+    /// Change of the bias with temperature.
+    fn warmth(&self, seconds: f64) -> Vector3<f64> {
+        let Some(temperature) = self.temperature.as_ref().filter(|_| !self.triad.bias_by_temperature.is_empty()) else {
+            return Vector3::zeros();
+        };
+        let distance = temperature.at(seconds) - temperature.reference;
+        let terms = (1..).zip(&self.triad.bias_by_temperature);
+        terms.map(|(degree, change)| Vector3::from(*change) * distance.powi(degree)).sum()
     }
 
     /// Offset of the placement, which changes smoothly on the way from one to the next.

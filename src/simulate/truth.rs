@@ -22,6 +22,9 @@ pub struct Truth {
     pub secondary: Vec<TriadTruth>,
     /// All rests, in order of time.
     pub rests: Vec<Rest>,
+    /// Temperature at which the biases are as stated, °C, if it changes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_reference: Option<f64>,
 }
 
 /// Parameters of one sensor: `measured = bias + S · true`, in m/s² or rad/s.
@@ -31,7 +34,7 @@ pub struct TriadTruth {
     pub sensor: String,
     /// Topic of its messages.
     pub topic: String,
-    /// Bias: reading without input, at the start of the recording.
+    /// Bias: reading without input, at the start of the recording, or at the reference of the temperature.
     pub bias: [f64; 3],
     /// Sensitivity, the map from true to measured, row by row.
     pub sensitivity: [[f64; 3]; 3],
@@ -43,6 +46,9 @@ pub struct TriadTruth {
     pub rate_sensitivity: Option<[[f64; 3]; 3]>,
     /// Standard deviation of the noise of one axis of one sample.
     pub noise: f64,
+    /// Change of the bias with temperature, by degree: per °C, per °C², per °C³ from the reference of the temperature.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bias_by_temperature: Vec<[f64; 3]>,
 }
 
 /// A span without motion.
@@ -87,6 +93,7 @@ impl Truth {
             gyroscope: gyroscope.map(|triad| TriadTruth::new("gyroscope", scenario.imu_topic(), triad)),
             secondary: scenario.secondary.iter().map(|(name, triad)| TriadTruth::new(name, "", triad)).collect(),
             rests: rests.collect(),
+            temperature_reference: scenario.temperature.as_ref().map(|temperature| temperature.reference),
         }
     }
 }
@@ -104,6 +111,7 @@ impl TriadTruth {
             g2_sensitivity: triad.g2_sensitivity,
             rate_sensitivity: triad.rate_sensitivity,
             noise: triad.noise,
+            bias_by_temperature: triad.bias_by_temperature.clone(),
         }
     }
 }

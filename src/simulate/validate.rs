@@ -1,7 +1,7 @@
 //! Check that a scenario can be simulated. Each error names the key.
 
 use super::pose::attitude;
-use super::{Error, Pose, Scenario, Sensitivity, Triad, Vibration};
+use super::{Encoding, Error, Pose, Scenario, Sensitivity, Temperature, Triad, Vibration};
 
 /// Longest session, in seconds: about a hundred days.
 const LONGEST_S: f64 = 1e7;
@@ -24,6 +24,9 @@ pub(super) fn validate(scenario: &Scenario) -> Result<(), Error> {
     within("recording.copies", f64::from(scenario.recording.copies), 1.0, 9.0)?;
 
     sensors(scenario)?;
+    if let Some(of) = &scenario.temperature {
+        temperature(of, scenario.recording.encoding)?;
+    }
 
     let motion = &scenario.motion;
     within("motion.duration_s", motion.duration_s, 0.01, LONGEST_S)?;
@@ -116,9 +119,33 @@ fn triad(key: &str, triad: &Triad) -> Result<(), Error> {
     bounded(&format!("{key}.bias"), &triad.bias)?;
     bounded(&format!("{key}.sensitivity"), sensitivity.as_flattened())?;
     bounded(&format!("{key}.bias_drift_per_h"), &triad.bias_drift_per_h)?;
+    bounded(&format!("{key}.bias_by_temperature"), triad.bias_by_temperature.as_flattened())?;
+    require(triad.bias_by_temperature.len() <= 3, &format!("{key}.bias_by_temperature"), || {
+        "a polynomial of at most three degrees".into()
+    })?;
     bounded(&format!("{key}.g_sensitivity"), triad.g_sensitivity.unwrap_or_default().as_flattened())?;
     bounded(&format!("{key}.g2_sensitivity"), &triad.g2_sensitivity.unwrap_or_default())?;
     bounded(&format!("{key}.rate_sensitivity"), triad.rate_sensitivity.unwrap_or_default().as_flattened())
+}
+
+fn temperature(temperature: &Temperature, encoding: Encoding) -> Result<(), Error> {
+    let Temperature { course, reference, topic, rate_hz, noise, step } = temperature;
+    require(!course.is_empty(), "temperature.course", || "give at least one point, [seconds, °C]".into())?;
+    bounded("temperature.course", course.as_flattened())?;
+    let rises = course.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+    require(rises, "temperature.course", || "the seconds of its points must increase".into())?;
+    bounded("temperature.reference", &[*reference])?;
+    within("temperature.rate_hz", *rate_hz, 1e-3, 1e6)?;
+    within("temperature.noise", *noise, 0.0, 1e6)?;
+    within("temperature.step", *step, 0.0, 1e6)?;
+    match topic {
+        Some(topic) => {
+            require(topic.starts_with('/'), "temperature.topic", || format!("{topic:?} does not start with /"))
+        }
+        None => require(matches!(encoding, Encoding::Protobuf | Encoding::Json), "temperature.topic", || {
+            "sensor_msgs/Imu has no field for a temperature: it needs a topic".into()
+        }),
+    }
 }
 
 fn pose(key: &str, pose: &Pose) -> Result<(), Error> {

@@ -25,6 +25,8 @@ pub struct Rest {
     pub gyroscope: Option<TriadMean>,
     /// Readings of the secondary accelerometers in the order of the configuration, m/s²; `None` where one was silent.
     pub secondary: Vec<Option<TriadMean>>,
+    /// Mean temperature of the sensor, °C, if the recording has it.
+    pub temperature: Option<f64>,
 }
 
 impl Rest {

@@ -14,6 +14,7 @@ use super::placement_number::{Placement, creep_limit};
 use super::rest::{Rest, TriadMean};
 use super::signal::Signal;
 use super::status::{State, Status};
+use super::thermometer::Thermometer;
 use super::time_base::Tick;
 use super::triad_track::{TriadTrack, Yardstick};
 use crate::Stamp;
@@ -40,6 +41,7 @@ pub struct Segmenter {
     accelerometer: TriadTrack,
     gyroscope: Option<TriadTrack>,
     secondary: Vec<TriadTrack>,
+    thermometer: Thermometer,
     phase: Phase,
     state: State,
     placement: Placement,
@@ -103,6 +105,7 @@ impl Segmenter {
             accelerometer: TriadTrack::new(&config, Yardstick::accelerometer(&config)),
             gyroscope: None,
             secondary: vec![TriadTrack::new(&config, Yardstick::None); secondary],
+            thermometer: Thermometer::default(),
             phase: Phase::Moving,
             state: State::Unknown,
             placement: Placement::default(),
@@ -146,6 +149,13 @@ impl Segmenter {
     pub fn clip(&mut self, sensor: Sensor, stamp: Stamp) {
         if let Some(track) = self.track(sensor) {
             track.clip(stamp);
+        }
+    }
+
+    /// Takes the temperature of the sensor, °C, which counts from the last reading of the accelerometer on.
+    pub fn warm(&mut self, celsius: f64) {
+        if let Some(stamp) = self.accelerometer.last_stamp() {
+            self.thermometer.take(stamp, celsius);
         }
     }
 
@@ -250,12 +260,14 @@ impl Segmenter {
             Phase::Moving if quiet => {
                 let start = self.window_start().unwrap_or(now);
                 self.tracks_mut().for_each(|track| track.open(start));
+                self.thermometer.open(start);
                 Phase::Settling(now)
             }
             Phase::Settling(_) if !quiet => {
                 self.tracks_mut().for_each(|track| {
                     track.close();
                 });
+                self.thermometer.close();
                 Phase::Moving
             }
             Phase::Settling(since) if now.seconds_since(since) >= self.config.settle_s => Phase::Still,
@@ -290,12 +302,14 @@ impl Segmenter {
         let keep = if self.phase == Phase::Moving { span.saturating_mul(2) } else { span };
         let until = now.plus_nanos(keep.saturating_neg());
         self.tracks_mut().for_each(|track| track.commit(until));
+        self.thermometer.commit(until);
         let bounds = self.accelerometer.open_bounds();
         let full = bounds.is_some_and(|(start, end)| end.seconds_since(start) >= self.config.max_duration_s);
         if self.phase == Phase::Still && full {
             self.end_rest(End::Split);
             let start = until.plus_nanos(1);
             self.tracks_mut().for_each(|track| track.go_on(start));
+            self.thermometer.open(start);
         }
     }
 
@@ -304,17 +318,19 @@ impl Segmenter {
             // Nothing moved before the data ended, so nothing is trimmed.
             let all = Stamp::from_nanos(i64::MAX);
             self.tracks_mut().for_each(|track| track.commit(all));
+            self.thermometer.commit(all);
         }
         let span = self.accelerometer.open_bounds();
         let accelerometer = self.accelerometer.close();
         let gyroscope = self.gyroscope.as_mut().and_then(TriadTrack::close);
         let secondary: Vec<_> = self.secondary.iter_mut().map(TriadTrack::close).collect();
+        let temperature = self.thermometer.close();
         if let (Some(accelerometer), Some((start, stop))) = (accelerometer, span)
             && stop.seconds_since(start) >= self.config.min_rest_s
         {
             let placement = self.placement.place(&accelerometer, gyroscope.as_ref(), self.config.max_creep);
             let crept = self.sliding;
-            self.keep(Rest { start, end: stop, placement, crept, accelerometer, gyroscope, secondary });
+            self.keep(Rest { start, end: stop, placement, crept, accelerometer, gyroscope, secondary, temperature });
             self.kept = true;
         }
         if end != End::Split && std::mem::take(&mut self.kept) {
@@ -387,6 +403,7 @@ impl Segmenter {
             track.close();
             track.forget();
         });
+        self.thermometer.forget();
         self.phase = Phase::Moving;
     }
 

@@ -497,6 +497,8 @@ fn the_sensors_of_px4_are_paired_by_instance_and_device() {
     }
     let gravity = [0.0, 0.0, -9.75];
     door.message(2, 1, &reading(1000.0, 100.0, gravity, 0.0));
+    let temperatures: Vec<_> = door.intake.take_temperatures().map(|(imu, celsius)| (imu.index(), celsius)).collect();
+    assert_eq!(temperatures, [(0, 20.0)], "the accelerometer's own");
     door.message(2, 1, &reading(1000.0, 101.0, gravity, 0.0));
     door.message(3, 1, &reading(1000.0, 102.0, gravity, 2.0));
     assert_eq!(door.names(), ["/fmu/out/sensor_accel", "/fmu/out/sensor_accel/101", "/fmu/out/sensor_accel1"]);
@@ -560,4 +562,37 @@ fn messages_become_samples_without_memory() {
         (0..100).for_each(|i| intake.message(1, i, &data, &mut |_, _, _| samples += 1));
     });
     assert_eq!((samples, memory.count_total), (202, 0));
+}
+
+#[test]
+fn a_temperature_is_read_from_the_topic_that_is_configured_and_is_refused_where_it_is_none() {
+    let text = "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n";
+    let warmth = |celsius: f64| message((1, 0), "thermometer", &[celsius, 0.0]);
+    for (config, read, expected) in [
+        ("{ topic = '/warmth' }", 20.5, Some(20.5)),
+        ("{ topic = '/warmth', path = 'temperature', unit = 'K' }", 300.0, Some(300.0 - 273.15)),
+        ("{ topic = '/warmth' }", f64::NAN, None),
+        ("{ topic = '/warmth' }", 1e6, None),
+    ] {
+        let mut door = Door::new(&format!("[[imu]]\ntopic = '/imu'\ntemperature = {config}"));
+        door.channel(1, "/imu", &imu_schema());
+        let role = door.channel(2, "/warmth", &schema("sensor_msgs/msg/Temperature", text));
+        let temperature = ChannelRole::Temperature { imu: "/imu".to_owned(), path: "temperature".to_owned() };
+        assert_eq!(*role, temperature);
+        door.message(2, 1, &warmth(read));
+        assert_eq!(door.intake.take_temperatures().count(), 0, "there is no IMU yet");
+        door.message(1, 2, &imu_message((1, 0), "imu"));
+        door.message(2, 3, &warmth(read));
+        let taken = door.intake.take_temperatures().next().map(|(_, celsius)| celsius);
+        assert_eq!(taken, expected, "{config}");
+        assert_eq!(door.intake.temperature(ImuId::of(0)), expected);
+    }
+    // Without configuration nobody knows whose temperature it is.
+    let mut door = Door::new("");
+    door.channel(1, "/imu", &imu_schema());
+    let role = door.channel(2, "/warmth", &schema("sensor_msgs/msg/Temperature", text));
+    assert!(matches!(role, ChannelRole::Other { .. }), "{role}");
+    let mut door = Door::new("[[imu]]\ntopic = '/imu'\ntemperature = { path = 'temprature' }");
+    let role = door.channel(1, "/imu", &imu_schema());
+    assert!(matches!(role, ChannelRole::Skipped(why) if why.contains("temprature")), "{role}");
 }

@@ -270,7 +270,7 @@ fn what_a_format_cannot_hold_is_refused() {
         assert!(refused(&diagonal, format, &Options { slot: 9, ..raw(Axes::Frd) }).contains("has no sensor 9"));
         assert!(refused(&diagonal, format, &Options { imu: Some("/no".into()), ..raw(Axes::Frd) }).contains("/imu"));
     }
-    for format in ["kalibr", "imu-calib", "px4", "ardupilot"] {
+    for format in ["kalibr", "imu-calib"] {
         let mut findings = diagonal.findings();
         let accelerometer =
             findings[0].calibration.as_mut().and_then(|calibration| calibration.accelerometer.as_mut()).unwrap();

@@ -8,6 +8,9 @@ mod fleet;
 #[path = "../common/hand.rs"]
 mod hand;
 
+#[path = "../common/warm.rs"]
+mod warm;
+
 mod exports;
 mod hostile_names;
 mod layout;
@@ -16,3 +19,4 @@ mod merged_turns;
 mod numbers;
 mod page;
 mod residuals;
+mod temperature;

@@ -5,6 +5,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/warm.rs"]
+mod warm;
 
 mod equality;
 mod events;
@@ -13,5 +15,6 @@ mod following;
 mod killed;
 mod recorder;
 mod splits;
+mod temperature;
 mod troubles;
 mod watched;

@@ -34,6 +34,7 @@ impl GSensitivity {
             let up = up.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
             SVector::<f64, 5>::from([1.0, up.x, up.y, up.z, (rest.time - middle) / span])
         };
+        let steady = |rest: &RestSeen| rest.rate - rest.rate_taken_off;
         let information: SMatrix<f64, 5, 5> =
             session.rests.iter().map(|rest| regressor(rest) * regressor(rest).transpose()).sum();
         let scaled = information.symmetric_eigenvalues();
@@ -45,13 +46,14 @@ impl GSensitivity {
         let mut found = Self { bias: Vector3::zeros(), by_up: Matrix3::zeros(), covariance: [SMatrix::zeros(); 3] };
         let (mut explained, mut left) = (0.0, 0.0);
         for axis in 0..3 {
-            let moment: SVector<f64, 5> = session.rests.iter().map(|rest| regressor(rest) * rest.rate[axis]).sum();
+            let moment: SVector<f64, 5> = session.rests.iter().map(|rest| regressor(rest) * steady(rest)[axis]).sum();
             let line = inverse * moment;
-            let mean = session.rests.iter().map(|rest| rest.rate[axis]).sum::<f64>() / count as f64;
+            let mean = session.rests.iter().map(|rest| steady(rest)[axis]).sum::<f64>() / count as f64;
             let noise = session.rests.iter().map(|rest| rest.rate_noise[axis]).sum::<f64>() / count as f64;
             let of = |error: f64| error * error;
-            let squares: f64 = session.rests.iter().map(|rest| of(rest.rate[axis] - regressor(rest).dot(&line))).sum();
-            let total: f64 = session.rests.iter().map(|rest| of(rest.rate[axis] - mean)).sum();
+            let squares: f64 =
+                session.rests.iter().map(|rest| of(steady(rest)[axis] - regressor(rest).dot(&line))).sum();
+            let total: f64 = session.rests.iter().map(|rest| of(steady(rest)[axis] - mean)).sum();
             let variance = (squares / freedom).max(noise);
             explained += (total - squares) / variance / 4.0;
             left += 1.0;

@@ -14,6 +14,8 @@ pub struct RestSeen {
     pub force_noise: Vector3<f64>,
     /// Raw mean rate, rad/s.
     pub rate: Vector3<f64>,
+    /// Part of it that is the change of the bias with temperature, rad/s.
+    pub rate_taken_off: Vector3<f64>,
     /// Variance of the rate from noise, per axis, (rad/s)².
     pub rate_noise: Vector3<f64>,
     /// Time of the rest, s.

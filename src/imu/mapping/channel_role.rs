@@ -13,6 +13,13 @@ use crate::imu::schema::path::FieldPath;
 pub enum ChannelRole {
     /// Samples are read from it.
     Used(Vec<VectorUse>),
+    /// It provides the temperature of an IMU.
+    Temperature {
+        /// Output name of the IMU.
+        imu: String,
+        /// Path in the message.
+        path: String,
+    },
     /// It provides the position of the recording, and so the magnitude of gravity.
     Position,
     /// It should or might be used, but cannot be read; the reason in one line.
@@ -56,6 +63,7 @@ impl fmt::Display for ChannelRole {
                 }
                 Ok(())
             }
+            Self::Temperature { imu, path } => write!(f, "temperature of {imu} ({path})"),
             Self::Position => f.write_str("position, for the length of gravity"),
             Self::Skipped(reason) => write!(f, "skipped: {reason}"),
             Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),

@@ -10,6 +10,8 @@ pub(in crate::imu) struct KnownType {
     pub(in crate::imu) inside: FieldPath,
     pub(in crate::imu) accel: Option<KnownVector>,
     pub(in crate::imu) gyro: Option<KnownVector>,
+    /// Temperature of the sensor, °C.
+    pub(in crate::imu) temperature: Option<FieldPath>,
     /// Stamp in microseconds, if it has no header.
     pub(in crate::imu) micros: Option<FieldPath>,
     /// Number that identifies the sensor, if several share a topic.
@@ -52,7 +54,16 @@ fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
         let clipping = clipping.iter().filter_map(|path| at(path)).collect();
         Some(KnownVector { vector: at(vector)?, over: some(over), clipping, round: some(round) })
     };
-    let known = |accel, gyro, imu| KnownType { inside: inside.clone(), accel, gyro, micros: None, device: None, imu };
+    let known = |accel, gyro, imu| {
+        let (temperature, micros, device) = (None, None, None);
+        KnownType { inside: inside.clone(), accel, gyro, temperature, micros, device, imu }
+    };
+    let stamped = |device: &str, temperature: &str, known| KnownType {
+        micros: at("timestamp_sample"),
+        device: at(device),
+        temperature: at(temperature),
+        ..known
+    };
     const COUNTS: [&str; 3] = ["clip_counter[0]", "clip_counter[1]", "clip_counter[2]"];
     Some(match name {
         "sensor_msgs/Imu" => known(part("linear_acceleration"), part("angular_velocity"), true),
@@ -69,12 +80,17 @@ fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
         }
         "px4_msgs/SensorAccel" => {
             let accel = px4("", "", &COUNTS, "");
-            KnownType { micros: at("timestamp_sample"), device: at("device_id"), ..known(accel, None, true) }
+            stamped("device_id", "temperature", known(accel, None, true))
         }
         "px4_msgs/SensorGyro" => {
             let gyro = px4("", "", &COUNTS, "");
-            KnownType { micros: at("timestamp_sample"), device: at("device_id"), ..known(None, gyro, false) }
+            stamped("device_id", "temperature", known(None, gyro, false))
         }
+        "px4_msgs/VehicleImuStatus" => {
+            let (micros, device) = (at("timestamp"), at("accel_device_id"));
+            KnownType { micros, device, temperature: at("temperature_accel"), ..known(None, None, false) }
+        }
+        "sensor_msgs/Temperature" => KnownType { temperature: at("temperature"), ..known(None, None, false) },
         "geometry_msgs/Vector3" => known(part(""), part(""), false),
         "geometry_msgs/Vector3Stamped" => known(part("vector"), part("vector"), false),
         "geometry_msgs/Accel" => known(part("linear"), None, false),

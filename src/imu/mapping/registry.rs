@@ -93,6 +93,13 @@ pub(in crate::imu) fn owner(
     }
 }
 
+/// IMU that a temperature belongs to: that of its `frame_id`, else the first one, whose sensor goes by another name.
+pub(in crate::imu) fn warmed(source: &Source, route: &Route, frame: &[u8]) -> Option<ImuId> {
+    let same = source.imus.iter().find(|(own, _)| own == frame);
+    let is_first = || route.frames.first().is_some_and(|own| own == frame);
+    same.or_else(|| source.imus.first().filter(|_| is_first())).map(|&(_, id)| id)
+}
+
 /// Adds the IMU of a new `frame_id`, unless there are too many already.
 fn add(source: &mut Source, imus: &mut Vec<Imu>, route: &Route, frame: &[u8]) -> Option<ImuId> {
     if source.imus.len() >= MAX_FRAMES {

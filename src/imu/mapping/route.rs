@@ -12,6 +12,7 @@ use super::channel_role::VectorUse;
 use super::known_types::{KnownType, KnownVector};
 use super::refusal::{Cause, Counts};
 use super::request::Request;
+use super::thermometer::{TemperatureError, TemperatureRequest, Thermometer};
 use super::time_source::{StampFields, TimeSource};
 use crate::Stamp;
 use crate::imu::config::VectorPath;
@@ -38,6 +39,8 @@ pub(in crate::imu) struct Route {
     pub(in crate::imu) in_order: bool,
     decoder: Decoder,
     clock: TimeSource,
+    /// Temperature of the IMU, if the messages hold it, and its path.
+    thermometer: Option<(Thermometer, String)>,
     /// Index of the number that replaces the frame, if any.
     device: Option<usize>,
     /// Numbers of the last message: the stamp if there is one, then each tap's numbers.
@@ -81,6 +84,8 @@ pub(in crate::imu) enum Frame<'d> {
 pub(in crate::imu) enum RouteError {
     #[error(transparent)]
     Path(#[from] PathError),
+    #[error(transparent)]
+    Temperature(#[from] TemperatureError),
     #[error("which field is the {name}? Set `{key}` to {vectors}")]
     NoPath { name: String, key: &'static str, vectors: String },
 }
@@ -93,11 +98,14 @@ impl Route {
         known: Option<&KnownType>,
         source: usize,
         requests: &[Request<'_>],
+        temperature: Option<TemperatureRequest<'_>>,
     ) -> Result<Self, RouteError> {
+        let warmth = temperature.map_or(Ok(None), |request| request.find(layout))?;
         let axes: Vec<_> = requests.iter().map(|request| Axes::of(layout, request)).collect::<Result<_, _>>()?;
         let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampFields::micros);
         let stamp = micros.unwrap_or_else(|| {
-            StampFields::nearest(layout, &axes.last().map(|axes| axes.path.clone()).unwrap_or_default())
+            let path = axes.last().map(|axes| &axes.path).or(warmth.as_ref().map(|(path, _)| path));
+            StampFields::nearest(layout, &path.cloned().unwrap_or_default())
         });
         let mut numbers = stamp.numbers;
         let mut add = |place: Option<Place>| {
@@ -105,6 +113,8 @@ impl Route {
             numbers.len() - 1
         };
         let device = known.and_then(|known| layout.find_number(known.device.as_ref()?)).map(|place| add(Some(place)));
+        let offset = temperature.map_or(0.0, |request| request.offset);
+        let thermometer = warmth.map(|(path, place)| (Thermometer::new(add(Some(place)), offset), path.to_string()));
         let mut taps = Vec::new();
         for (request, Axes { path, axes, places: [x, y, z], covariance, part }) in requests.iter().zip(axes) {
             let at = add(Some(x));
@@ -151,6 +161,7 @@ impl Route {
             in_order: false,
             decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
             clock: stamp.clock,
+            thermometer,
             device,
             numbers: vec![0.0; numbers.len()],
         })
@@ -184,6 +195,16 @@ impl Route {
         let read = Vector3::new(x, y, z);
         let value = self.added(tap).map_or(read, |added| read + added) * (tap.factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// Temperature in the last message, °C.
+    pub(in crate::imu) fn temperature(&self) -> Option<f64> {
+        self.thermometer.as_ref()?.0.read(&self.numbers)
+    }
+
+    /// Path of the temperature, if the messages hold it.
+    pub(in crate::imu) fn temperature_path(&self) -> Option<&str> {
+        self.thermometer.as_ref().map(|(_, path)| path.as_str())
     }
 
     /// Rewrites the last message, which is `data`, with other readings in m/s² or rad/s; `None` if nothing changes, or

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::known_types::KnownType;
 use super::request::Request;
+use super::thermometer::TemperatureRequest;
 use crate::imu::config::SecondaryModel;
 use crate::imu::config::{AccelUnit, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, VectorConfig};
 use crate::imu::preset::Preset;
@@ -84,7 +85,8 @@ impl Source {
     pub(in crate::imu) fn topics(&self) -> impl Iterator<Item = &str> {
         let others = (0..self.config.secondary.len()).map(|i| self.secondary_topic(i));
         let reference = self.config.reference.iter().flat_map(|reference| reference.topics());
-        [self.topic(), self.gyro_topic()].into_iter().chain(others).chain(reference)
+        let temperature = self.config.temperature.as_ref().and_then(|temperature| temperature.topic.as_deref());
+        [self.topic(), self.gyro_topic()].into_iter().chain(others).chain(reference).chain(temperature)
     }
 
     /// Names and topics of its triads. A gyroscope may also be known from the type of the accelerometer's messages.
@@ -198,6 +200,24 @@ impl Source {
             });
         }
         requests
+    }
+
+    /// Request for the temperature, if a topic whose type is `known` has it. Without configuration it is that in the
+    /// accelerometer's messages.
+    pub(in crate::imu) fn temperature<'a>(
+        &'a self,
+        topic: &str,
+        known: Option<&'a KnownType>,
+    ) -> Option<TemperatureRequest<'a>> {
+        let config = self.config.temperature.as_ref();
+        let own = config.and_then(|config| config.topic.as_deref()).unwrap_or(self.topic());
+        let known = known.and_then(|known| known.temperature.as_ref());
+        (topic == own && (config.is_some() || known.is_some())).then(|| TemperatureRequest {
+            path: config.and_then(|config| config.path.as_ref()),
+            known,
+            offset: config.and_then(|config| config.unit).unwrap_or_default().offset(),
+            configured: config.is_some(),
+        })
     }
 
     fn gyro_topic(&self) -> &str {

@@ -4,11 +4,15 @@
 //! `AP_InertialSensor_Backend.cpp` (`_rotate_and_correct_accel`, `_rotate_and_correct_gyro`). Both apply them to raw
 //! readings, before the board rotation.
 
+use nalgebra::Vector3;
+
+use super::thermal::{self, Lines, Thermal};
 use super::{
-    Axes, ExportError, Exported, Format, LEANER, Options, RandomWalks, Readings, accelerometer, beyond, comments,
-    gyroscope, heading, one,
+    Axes, BY_TEMPERATURE, ExportError, Exported, Format, LEANER, Options, RandomWalks, Readings, accelerometer, beyond,
+    comments, gyroscope, heading, one,
 };
 use crate::fit::Calibration;
+use crate::fit::temperature::BiasCourse;
 use crate::messages::Triad;
 use crate::messages::triad::Model;
 use crate::report::parameters::rounded;
@@ -35,6 +39,12 @@ struct Autopilot {
     names: fn(u8) -> Option<Names>,
     /// A line of the file; `true` for an integer.
     line: fn(&str, f64, bool) -> String,
+    /// Parameters of a slot for biases that depend on the temperature.
+    thermal: fn(u8, &[Thermal]) -> Result<Lines, ExportError>,
+    /// Whether these hold the offset at the temperature of reference.
+    holds_offset: bool,
+    /// How it corrects for the temperature.
+    by_temperature: &'static str,
     /// Parameters of the board rotation, which lies between raw and corrected readings.
     rotation: &'static [&'static str],
     notes: &'static [&'static str],
@@ -58,6 +68,9 @@ static PX4_FILE: Autopilot = Autopilot {
         true => format!("1\t1\t{name}\t{value}\t6\n"),
         false => format!("1\t1\t{name}\t{}\t9\n", rounded(value)),
     },
+    thermal: thermal::px4,
+    holds_offset: true,
+    by_temperature: "before that, raw - (x0 + x1 d + x2 d² + x3 d³), d = clip(T, TMIN, TMAX) - TREF (TC_*)",
     rotation: &["SENS_BOARD_ROT", "SENS_BOARD_X_OFF", "SENS_BOARD_Y_OFF", "SENS_BOARD_Z_OFF"],
     notes: &[
         "convention: PX4 src/lib/sensor_calibration/Accelerometer.hpp, Gyroscope.hpp (Correct)",
@@ -72,6 +85,9 @@ static ARDUPILOT_FILE: Autopilot = Autopilot {
         true => format!("{name},{value}\n"),
         false => format!("{name},{}\n", rounded(value)),
     },
+    thermal: thermal::ardupilot,
+    holds_offset: false,
+    by_temperature: "before that, raw - P(T - 35) + P(CALTEMP - 35), P(u) = (c1 + (c2 + c3 u) u) u / 1e6 (INS_TCAL*)",
     rotation: &["AHRS_ORIENTATION"],
     notes: &[
         "convention: ArduPilot libraries/AP_InertialSensor/AP_InertialSensor_Backend.cpp (_rotate_and_correct_accel)",
@@ -116,7 +132,7 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
     let Autopilot { name, .. } = *autopilot;
     let names = (autopilot.names)(options.slot)
         .ok_or_else(|| ExportError::Refused(format!("{name} has no sensor {}", options.slot)))?;
-    let before = in_force(autopilot, &names, imu, &options.readings)?;
+    let before = in_force(autopilot, &names, imu, options)?;
     let axes = options.axes.or_else(|| imu.source_type.starts_with("px4_msgs/").then_some(Axes::Frd)).ok_or_else(|| {
         ExportError::Refused(format!(
             "{name} counts along forward, right, down: say which way the axes of {} point, --axes frd or flu (ROS, MAVROS)",
@@ -135,11 +151,17 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
             values += &(autopilot.line)(&pattern.replace('*', axis), value, false);
         }
     };
+    let mut warm = Vec::new();
     match &accel {
         Ok((triad, calibration)) => {
             let Diagonal { bias, scale } = diagonal(name, triad, calibration)?;
             let [offset, gain] = [0, 1].map(|i| before.accel[i]);
-            put(&names.accel_offset, each(|i| offset[i] + signs[i] * bias[i] / gain[i]));
+            let mut offset = each(|i| offset[i] + signs[i] * bias[i] / gain[i]);
+            if let Some(course) = course(triad, each(|i| signs[i] / gain[i])) {
+                warm.push(Thermal { is_accelerometer: true, offset, course, id: before.accel_id });
+                offset = if autopilot.holds_offset { [0.0; 3] } else { offset };
+            }
+            put(&names.accel_offset, offset);
             put(&names.accel_scale, each(|i| gain[i] / scale[i]));
             used.push(*triad);
         }
@@ -163,7 +185,12 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
                 }
                 bias
             };
-            put(&names.gyro_offset, each(|i| before.gyro[i] + signs[i] * bias[i]));
+            let mut offset = each(|i| before.gyro[i] + signs[i] * bias[i]);
+            if let Some(course) = course(triad, signs) {
+                warm.push(Thermal { is_accelerometer: false, offset, course, id: before.gyro_id });
+                offset = if autopilot.holds_offset { [0.0; 3] } else { offset };
+            }
+            put(&names.gyro_offset, offset);
             used.push(*triad);
         }
         None => warnings.push("only the accelerometer: the gyroscope is not determined".to_owned()),
@@ -176,7 +203,13 @@ fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Ex
         }
     }
 
+    if !warm.is_empty() {
+        let lines = (autopilot.thermal)(options.slot, &warm)?;
+        values.extend(lines.iter().map(|(name, value, integer)| (autopilot.line)(name, *value, *integer)));
+    }
+
     let mut lines = heading(imu, &used);
+    lines.extend(warm.first().map(|_| autopilot.by_temperature.to_owned()));
     lines.push(
         "corrected = (raw - offset) * scale along forward, right, down: scale is 1 / Stillpoint's, offset its bias"
             .to_owned(),
@@ -202,7 +235,9 @@ struct InForce {
 
 /// Parameters in force. An autopilot applies its parameters to raw readings; applied to corrected ones, they would
 /// count twice.
-fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Readings) -> Result<InForce, ExportError> {
+fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, options: &Options) -> Result<InForce, ExportError> {
+    let Options { readings, slot, .. } = options;
+    let slot = *slot;
     let name = autopilot.name;
     let topic = &imu.topic;
     match readings {
@@ -215,6 +250,10 @@ fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, readings: &Rea
             imu.source_type
         ))),
         Readings::Raw => Ok(InForce { accel: [[0.0; 3], [1.0; 3]], gyro: [0.0; 3], accel_id: None, gyro_id: None }),
+        Readings::Corrected(parameters) if thermal::is_enabled(parameters, slot) => Err(ExportError::Refused(format!(
+            "the parameters in force correct for the temperature (TC_*, INS_TCAL*), which cannot be composed with: \
+                 calibrate a recording of the raw readings, with --raw, or switch that off in {name} while recording"
+        ))),
         Readings::Corrected(parameters) => composed(autopilot, names, parameters),
     }
 }
@@ -253,6 +292,14 @@ fn is_corrected(source_type: &str) -> bool {
         .any(|name| source_type.starts_with("px4_msgs/") && source_type.ends_with(&format!("/{name}")))
 }
 
+/// Course of a triad's bias over the temperature, each axis multiplied by a factor.
+fn course(triad: &Triad, factors: [f64; 3]) -> Option<BiasCourse> {
+    let mut course = triad.temperature.as_ref().and_then(BiasCourse::of)?;
+    let factors = Vector3::from(factors);
+    course.coefficients.iter_mut().for_each(|coefficient| *coefficient = coefficient.component_mul(&factors));
+    Some(course)
+}
+
 struct Diagonal {
     bias: [f64; 3],
     scale: [f64; 3],
@@ -263,7 +310,7 @@ fn diagonal(format: &'static str, triad: &Triad, calibration: &Calibration) -> R
     if (0..9).any(|k| k / 3 != k % 3 && s[(k / 3, k % 3)] != 0.0) {
         return Err(holds(format, "cross-axis sensitivity"));
     }
-    if let Some(what) = beyond(triad).next() {
+    if let Some(what) = beyond(triad).find(|&what| what != BY_TEMPERATURE) {
         return Err(holds(format, what));
     }
     Ok(Diagonal { bias: calibration.bias.into(), scale: s.diagonal().into() })

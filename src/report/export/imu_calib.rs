@@ -3,7 +3,9 @@
 
 use nalgebra::Matrix3;
 
-use super::{ExportError, Exported, Format, Options, RandomWalks, accelerometer, beyond, comments, heading, one};
+use super::{
+    ExportError, Exported, Format, Options, RandomWalks, accelerometer, beyond, comments, heading, instead, one,
+};
 use crate::report::{Findings, row_major, yaml};
 
 pub(super) const YAML: Format = Format {
@@ -16,7 +18,7 @@ pub(super) const YAML: Format = Format {
 fn export(imu: &Findings, options: &Options) -> Result<String, ExportError> {
     let (triad, calibration) = accelerometer(imu, options.sensor.as_deref())?;
     if let Some(what) = beyond(triad).next() {
-        let next = "use --format json or yaml";
+        let next = instead(what);
         return Err(ExportError::Holds { format: "imu_calib", what: what.to_owned(), next });
     }
     let inverse: Matrix3<f64> = calibration.inverse();

@@ -6,7 +6,8 @@ use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 
 use super::{
-    ExportError, Exported, Format, RandomWalk, RandomWalks, accelerometer, beyond, comments, gyroscope, heading, one,
+    ExportError, Exported, Format, RandomWalk, RandomWalks, accelerometer, beyond, comments, gyroscope, heading,
+    instead, one,
 };
 use crate::engine;
 use crate::fit::Calibration;
@@ -71,7 +72,7 @@ fn block(imu: &Findings, bound: bool) -> Result<(Vec<String>, Value), ExportErro
     let used = [Some(triad), gyro.map(|(triad, _)| triad)].into_iter().flatten().collect::<Vec<_>>();
     let lost = beyond(triad).chain(gyro.iter().flat_map(|(triad, _)| beyond(triad)));
     if let Some(what) = lost.into_iter().find(|&what| what != "g-sensitivity") {
-        let next = "use --format json or yaml";
+        let next = instead(what);
         return Err(ExportError::Holds { format: "Kalibr's file", what: what.to_owned(), next });
     }
     let mut lines = heading(imu, &used);

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::Stamp;
 use crate::fit::Calibration;
+use crate::fit::temperature::BiasCourse;
 use crate::messages::{Segment, Triad};
 use crate::report::{Findings, Timeline, calibration, nanos, vector};
 
@@ -51,7 +52,7 @@ impl<'a> Imu<'a> {
             (first.unwrap_or_default(), Stamp::from_nanos(last))
         });
         let accelerometer = findings.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
-        let known = accelerometer.and_then(calibration);
+        let known = accelerometer.and_then(Known::of);
         let faces = findings.coverage.as_ref().map_or(&[][..], |coverage| &coverage.faces);
         let rest = |(i, segment): (usize, &'a Segment)| {
             let at = |stamp| Stamp::from_nanos(nanos(stamp)).seconds_since(origin);
@@ -90,7 +91,7 @@ impl<'a> Imu<'a> {
     /// Residuals of a secondary accelerometer, rest by rest.
     pub(super) fn residuals_of(&self, sensor: &str) -> Vec<Residual> {
         let triad = self.findings.calibration.iter().flat_map(|found| &found.secondary);
-        let known = triad.filter(|triad| triad.sensor == sensor).find_map(calibration);
+        let known = triad.filter(|triad| triad.sensor == sensor).find_map(Known::of);
         let of = |rest: &Rest<'_>| {
             let (mean, corrected) = mean(rest.segment, sensor, known.as_ref());
             residual(self.findings, mean, corrected)
@@ -99,11 +100,32 @@ impl<'a> Imu<'a> {
     }
 }
 
+/// Calibration of a triad, its bias as far as that depends on the temperature.
+pub(super) struct Known {
+    pub(super) calibration: Calibration,
+    pub(super) course: Option<BiasCourse>,
+}
+
+impl Known {
+    /// Calibration of a triad, if it is determined.
+    pub(super) fn of(triad: &Triad) -> Option<Self> {
+        let course = triad.temperature.as_ref().and_then(BiasCourse::of);
+        Some(Self { calibration: calibration(triad)?, course })
+    }
+
+    /// Corrects a reading at a temperature, °C, if that is known.
+    pub(super) fn correct(&self, measured: &Vector3<f64>, celsius: Option<f64>) -> Vector3<f64> {
+        let change = self.course.as_ref().zip(celsius.filter(|celsius| celsius.is_finite()));
+        let change = change.map_or(Vector3::zeros(), |(course, celsius)| course.change(celsius));
+        self.calibration.correct(&(measured - change))
+    }
+}
+
 /// Mean reading of a sensor during a rest, as read and corrected.
-fn mean(segment: &Segment, sensor: &str, known: Option<&Calibration>) -> (Option<Vector3<f64>>, Option<Vector3<f64>>) {
+fn mean(segment: &Segment, sensor: &str, known: Option<&Known>) -> (Option<Vector3<f64>>, Option<Vector3<f64>>) {
     let mean = segment.means.iter().find(|mean| mean.sensor == sensor);
     let mean = mean.and_then(|mean| mean.mean.as_ref()).map(vector);
-    (mean, mean.zip(known).map(|(mean, known)| known.correct(&mean)))
+    (mean, mean.zip(known).map(|(mean, known)| known.correct(&mean, segment.temperature)))
 }
 
 fn residual(findings: &Findings, mean: Option<Vector3<f64>>, corrected: Option<Vector3<f64>>) -> Residual {

@@ -51,6 +51,16 @@ fn unit(sensor: &str) -> &'static str {
     if sensor == "gyroscope" { "rad/s" } else { "m/s²" }
 }
 
+/// Coefficients of the bias over the temperature by degree, with their standard deviations.
+fn coefficients(triad: &Triad) -> impl Iterator<Item = ([f64; 3], [f64; 3])> {
+    let three = |values: &[f64]| <[f64; 3]>::try_from(values).unwrap_or_default();
+    let model = triad.temperature.iter();
+    model.flat_map(move |model| {
+        let pairs = model.coefficients.chunks_exact(3).zip(model.coefficients_std.chunks_exact(3));
+        pairs.map(move |(value, std)| (three(value), three(std)))
+    })
+}
+
 /// Rows of the parameters that a triad has.
 fn rows(triad: &Triad) -> Vec<Markup> {
     let mut rows = Vec::new();
@@ -66,6 +76,10 @@ fn rows(triad: &Triad) -> Vec<Markup> {
         }
         Some(s) => rows.push(row("scale", &s.diagonal().into(), &std.map(|std| std.diagonal().into()), "")),
         None => {}
+    }
+    for (degree, (value, std)) in coefficients(triad).enumerate() {
+        let unit = format!("{} per °C{}", unit(&triad.sensor), ["", "²", "³"].get(degree).unwrap_or(&""));
+        rows.push(row(["by °C", "by °C²", "by °C³"].get(degree).unwrap_or(&""), &value, &Some(std), &unit));
     }
     for (name, values, unit) in [
         ("g-sensitivity", &triad.g_sensitivity, "rad/s per m/s²"),

@@ -18,6 +18,11 @@ const VECTOR_STAMPED: &str = "\
 std_msgs/Header header
 geometry_msgs/Vector3 vector
 ";
+const TEMPERATURE: &str = "\
+std_msgs/Header header
+float64 temperature
+float64 variance
+";
 const QUATERNION: &str = "\
 MSG: geometry_msgs/Quaternion
 float64 x
@@ -50,18 +55,22 @@ string frame_id
 
 pub(super) fn ros2_schema(of: Type) -> Schema {
     let (name, definition) = match of {
-        Type::Imu => ("sensor_msgs/msg/Imu", [IMU, ROS2_HEADER, ROS2_TIME, QUATERNION, VECTOR].join(RULE)),
+        Type::Imu | Type::WarmImu => {
+            ("sensor_msgs/msg/Imu", [IMU, ROS2_HEADER, ROS2_TIME, QUATERNION, VECTOR].join(RULE))
+        }
         Type::Vector => {
             ("geometry_msgs/msg/Vector3Stamped", [VECTOR_STAMPED, ROS2_HEADER, ROS2_TIME, VECTOR].join(RULE))
         }
+        Type::Temperature => ("sensor_msgs/msg/Temperature", [TEMPERATURE, ROS2_HEADER, ROS2_TIME].join(RULE)),
     };
     Schema { name, encoding: "ros2msg", data: definition.into_bytes() }
 }
 
 pub(super) fn ros1_schema(of: Type) -> Schema {
     let (name, definition) = match of {
-        Type::Imu => ("sensor_msgs/Imu", [IMU, ROS1_HEADER, QUATERNION, VECTOR].join(RULE)),
+        Type::Imu | Type::WarmImu => ("sensor_msgs/Imu", [IMU, ROS1_HEADER, QUATERNION, VECTOR].join(RULE)),
         Type::Vector => ("geometry_msgs/Vector3Stamped", [VECTOR_STAMPED, ROS1_HEADER, VECTOR].join(RULE)),
+        Type::Temperature => ("sensor_msgs/Temperature", [TEMPERATURE, ROS1_HEADER].join(RULE)),
     };
     Schema { name, encoding: "ros1msg", data: definition.into_bytes() }
 }
@@ -103,7 +112,8 @@ fn doubles(out: &mut Vec<u8>, body: Body) {
     let mut push = |values: &[f64]| values.iter().for_each(|value| out.extend(value.to_le_bytes()));
     match body {
         Body::Vector(vector) => push(vector.as_slice()),
-        Body::Imu { accel, gyro } => {
+        Body::Temperature(celsius) => push(&[celsius, 0.0]),
+        Body::Imu { accel, gyro, .. } => {
             push(&[0.0, 0.0, 0.0, 1.0]);
             push(&covariance(false));
             for vector in [gyro, accel] {
