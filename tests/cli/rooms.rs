@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::needs::root;
 
-/// The layers, each of which may import those in front of it. `bin` is the program around the library.
+/// The layers, each of which may import those in front of it. `bin` is the program on top of them.
 const LAYERS: [&[&str]; 18] = [
     &["printable", "stamp", "topic"],
     &["messages"],
@@ -134,7 +134,7 @@ fn collect(folder: &Path, name: &mut Name, files: &mut BTreeMap<Name, String>) {
             let own: &[String] = match (name.is_empty(), stem.as_str()) {
                 (_, "lib" | "mod") => &[],
                 (true, "main") => &["bin".to_owned()],
-                (true, "cli" | "console" | "commands") => &["bin".to_owned(), stem],
+                (true, "cli" | "console" | "commands" | "program") => &["bin".to_owned(), stem],
                 _ => &[stem],
             };
             let text = std::fs::read_to_string(&path).unwrap();
