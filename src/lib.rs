@@ -34,6 +34,8 @@
 //!   `live` (viewers), `inspect` (topics, findings, strip).
 //! * [`program`]: the command line, with `cli` (what was typed), `commands` (one file a verb) and `console`.
 //!
+//! `src/python/` is a crate of its own on top of all: the module that `pip install stillpoint` gives.
+//!
 //! # The path of a message
 //!
 //! In batch: `run/input` reads the bytes, [`record::Scan`] makes events of them, the pipeline's table of channels and

@@ -124,6 +124,10 @@ fn collect(folder: &Path, name: &mut Name, files: &mut BTreeMap<Name, String>) {
         let path = entry.path();
         let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
         if path.is_dir() {
+            // A crate of its own.
+            if path.join("Cargo.toml").exists() {
+                continue;
+            }
             let root = name.is_empty() && stem == "commands";
             name.extend(root.then(|| "bin".to_owned()));
             name.push(stem);
