@@ -79,7 +79,8 @@ impl Stream {
         };
         let push = &mut |(_, sensor, reading): (ImuId, _, _)| push(engine, sensor, reading, events);
         match (read(accelerometer, accel), read(gyroscope, gyro)) {
-            (Some(accel), Some(gyro)) => timing.pass(channel, log_time, &[accel, gyro], push),
+            // The accelerometer's comes last, as from a message: with it the instant is judged.
+            (Some(accel), Some(gyro)) => timing.pass(channel, log_time, &[gyro, accel], push),
             (Some(one), None) | (None, Some(one)) => timing.pass(channel, log_time, &[one], push),
             (None, None) => {}
         }

@@ -41,8 +41,10 @@ def test_sensors_that_are_read_one_by_one(arrays):
         engine.push(arrays.t[i : i + 5], gyro=arrays.gyro[i : i + 5])
     calibration = engine.finish()
     whole = stillpoint.calibrate(arrays.t, arrays.accel, arrays.gyro)
-    assert np.array_equal(calibration.accelerometer.bias, whole.accelerometer.bias)
-    assert np.array_equal(calibration.gyroscope.bias, whole.gyroscope.bias)
+    # Where a rest begins may differ by a block.
+    assert len(calibration.rests) == len(whole.rests)
+    for ours, expected in ((calibration.accelerometer, whole.accelerometer), (calibration.gyroscope, whole.gyroscope)):
+        assert (np.abs(ours.bias - expected.bias) < expected.bias_std).all()
 
 
 def test_an_accelerometer_alone(arrays):
@@ -69,7 +71,8 @@ def test_other_layouts_and_times_of_the_same_numbers_give_the_same(arrays):
         assert stillpoint.calibrate(*other).to_dict() == expected
     # Seconds since 1970 are stamps to a quarter of a microsecond, those since the beginning to less than a nanosecond.
     seconds = stillpoint.calibrate(t * 1e-9, accel, gyro)
-    np.testing.assert_allclose(seconds.accelerometer.bias, expected["accelerometer"]["bias"], rtol=1e-6)
+    bias, std = (np.array(expected["accelerometer"][key]) for key in ("bias", "bias_std"))
+    assert (np.abs(seconds.accelerometer.bias - bias) < 0.1 * std).all()
     since = stillpoint.calibrate((t - t[0]) * 1e-9, accel, gyro)
     assert since.to_dict() == expected
 
