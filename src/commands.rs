@@ -25,7 +25,6 @@ mod watch;
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use stillpoint::config::{Config, Layer};
 use stillpoint::run::{Partial, Reads, Stop};
@@ -104,12 +103,6 @@ impl Code {
 /// The code of a command whose input has this number of damaged places.
 fn damaged(damages: u64, accepted: bool) -> Code {
     if damages > 0 && !accepted { Code::Damaged } else { Code::Done }
-}
-
-impl From<Code> for ExitCode {
-    fn from(code: Code) -> Self {
-        Self::from(code.number())
-    }
 }
 
 /// Range of gravity on the surface of the Earth, in m/s².

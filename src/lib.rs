@@ -32,6 +32,9 @@
 //! * [`simulate`]: recordings with known truth.
 //! * [`run`]: the shell. Its rooms: `input` (recordings on disk), `output` (results on disk), `batch`, `tail`, `watch`,
 //!   `live` (viewers), `inspect` (topics, findings, strip).
+//! * [`program`]: the command line, with `cli` (what was typed), `commands` (one file a verb) and `console`.
+//!
+//! `src/python/` is a crate of its own on top of all: the module that `pip install stillpoint` gives.
 //!
 //! # The path of a message
 //!
@@ -50,7 +53,7 @@
 //!
 //! # What holds everywhere
 //!
-//! * A pure layer, which is every one but [`run`], never opens a file or socket, starts a thread, reads a clock or
+//! * A pure layer, which is every one but [`run`] and [`program`], never opens a file or socket, starts a thread, reads a clock or
 //!   knows the command line, because its output must be a function of the bytes: batch, tail, resumed and distributed
 //!   runs then give the same bytes, and every property can be tested without a disk.
 //! * A pure layer never iterates over an unordered map, and takes its transcendental functions from `libm`, because
@@ -93,9 +96,17 @@ pub mod still;
 pub mod topic;
 pub mod turns;
 
+pub mod program;
+
+mod cli;
+mod commands;
+mod console;
 mod error;
 mod printable;
 mod stamp;
+
+// The files of the program call the library by its name, as every other program would.
+extern crate self as stillpoint;
 
 pub use error::Error;
 pub use printable::{printable, printable_json};

@@ -38,7 +38,7 @@ pub fn length(rest: &Segment) -> f64 {
 }
 
 /// Nanoseconds since the epoch, saturating; 0 without a stamp.
-pub(crate) fn nanos(stamp: &Option<prost_types::Timestamp>) -> i64 {
+pub fn nanos(stamp: &Option<prost_types::Timestamp>) -> i64 {
     let nanos = |t: &prost_types::Timestamp| t.seconds.saturating_mul(1_000_000_000).saturating_add(t.nanos.into());
     stamp.as_ref().map_or(0, nanos)
 }

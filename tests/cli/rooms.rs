@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::needs::root;
 
-/// The layers, each of which may import those in front of it. `bin` is the program around the library.
+/// The layers, each of which may import those in front of it. `bin` is the program on top of them.
 const LAYERS: [&[&str]; 18] = [
     &["printable", "stamp", "topic"],
     &["messages"],
@@ -124,6 +124,10 @@ fn collect(folder: &Path, name: &mut Name, files: &mut BTreeMap<Name, String>) {
         let path = entry.path();
         let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
         if path.is_dir() {
+            // A crate of its own.
+            if path.join("Cargo.toml").exists() {
+                continue;
+            }
             let root = name.is_empty() && stem == "commands";
             name.extend(root.then(|| "bin".to_owned()));
             name.push(stem);
@@ -134,7 +138,7 @@ fn collect(folder: &Path, name: &mut Name, files: &mut BTreeMap<Name, String>) {
             let own: &[String] = match (name.is_empty(), stem.as_str()) {
                 (_, "lib" | "mod") => &[],
                 (true, "main") => &["bin".to_owned()],
-                (true, "cli" | "console" | "commands") => &["bin".to_owned(), stem],
+                (true, "cli" | "console" | "commands" | "program") => &["bin".to_owned(), stem],
                 _ => &[stem],
             };
             let text = std::fs::read_to_string(&path).unwrap();
