@@ -56,6 +56,11 @@ fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String 
         (Unconfirmed::AtBound, ..) => {
             "a parameter stands at its bound, so the bound and not the data made it: check fit.bounds and the preset".to_owned()
         }
+        (Unconfirmed::Warmed, ..) => {
+            "the bias depends on the temperature, which placements check in part: show every face once more at the one temperature that \
+             it is to work at"
+                .to_owned()
+        }
         (Unconfirmed::Unchecked, Some(face), Parameterisation::TRIANGULAR) => format!(
             "let it rest once more near {face}{more}: a wrong rest there would not show, and could hide an error of {:.2} m/s²",
             fit.hidden_error(solution.gravity.value)

@@ -13,6 +13,8 @@ pub(super) enum Unconfirmed {
     Doubted,
     /// Drifting readings.
     Drifting,
+    /// Bias that was taken to one temperature.
+    Warmed,
     /// Parameter held back by a bound.
     AtBound,
     /// Placement that nothing else checks.
@@ -33,6 +35,10 @@ pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     }
     if solution.drift.as_ref().is_some_and(|drift| !drift.followed) {
         return Err(Unconfirmed::Drifting);
+    }
+    // Placements show the bias along the vertical only, each at its own temperature: a wrong one may pass for warmth.
+    if solution.warmth.as_ref().is_some_and(|warmth| warmth.accelerometer.is_ok()) {
+        return Err(Unconfirmed::Warmed);
     }
     estimate(fit)
 }
