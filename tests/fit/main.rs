@@ -11,6 +11,7 @@ mod session;
 mod bars;
 mod calibration;
 mod models;
+mod movement;
 mod position;
 mod presets;
 mod recognised;

@@ -78,7 +78,7 @@ fn one_recording_alone_is_merged_to_what_its_engine_found() {
     assert!(merged.history.turns >= 20, "{}", merged.history.turns);
     // An engine keeps to the model that it published first, which near the limit decides whether rests or turns tell the
     // accelerometer's axes; otherwise both agree to the last bit.
-    let near = [(1.0, 2.5), (0.3, 1.1)];
+    let near = [(2.0, 2.5), (0.3, 1.1)];
     for ((one, other), (off, wider)) in triads(&alone).into_iter().zip(triads(&merged.findings)).zip(near) {
         assert_eq!((one.model(), one.turns, one.status()), (other.model(), other.turns, other.status()));
         assert!(!one.sensitivity.is_empty());

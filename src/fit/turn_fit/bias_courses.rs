@@ -3,6 +3,8 @@
 use nalgebra::{DMatrix, DVector, SVector};
 
 use super::equations::{DATASHEET, UNKNOWNS};
+use super::session::TurnSession;
+use super::solution::{AS_ASSUMED, Factor, TurnSolution};
 
 /// Linearised equations of turns, weighted so that their errors are independent and of unit variance:
 /// `design · δ + Σ by_rest · change ≈ targets`, with the unknowns less [`at`](Self::at).
@@ -23,6 +25,40 @@ impl BiasCourses {
 
     /// Prior standard deviation of an entry of an inverse sensitivity.
     pub(in crate::fit) const PRIOR: f64 = DATASHEET;
+
+    /// Equations of fitted turns; `None` if the gyroscope does not follow them.
+    pub(super) fn of(solution: &TurnSolution<'_>, session: &TurnSession) -> Option<Self> {
+        /// Largest added error of turns that are followed, rad: no bias at rest moves by so much of gravity.
+        const FOLLOWED: f64 = 0.02;
+        if solution.level.added.sqrt() > FOLLOWED {
+            return None;
+        }
+        // An added error may come from the very change that is looked for.
+        let factors = solution.factors(AS_ASSUMED, None)?;
+        let white = solution.whitened(AS_ASSUMED, None)?;
+        let rows = 2 * white.len();
+        let mut by_rest = DMatrix::<f64>::zeros(rows, 3 * session.rests.len());
+        for (k, Factor { turn, shared, triangle }) in factors.iter().enumerate() {
+            let equations = &solution.equations[*turn];
+            let mut own = DMatrix::zeros(2, by_rest.ncols());
+            let [from, to] = session.turns.get(*turn)?.rests;
+            for (rest, by_bias) in [to, from].into_iter().zip(equations.by_bias) {
+                let mut block = own.fixed_view_mut::<2, 3>(0, 3 * rest);
+                block += by_bias;
+            }
+            if let (Some(shared), Some(before)) = (shared, k.checked_sub(1)) {
+                own -= shared * by_rest.rows(2 * before, 2);
+            }
+            by_rest.rows_mut(2 * k, 2).copy_from(&triangle.solve_lower_triangular(&own)?);
+        }
+        let rests = session.rests.iter().enumerate();
+        Some(Self {
+            at: solution.at,
+            targets: DVector::from_iterator(rows, white.iter().flat_map(|(residual, _)| [-residual.x, -residual.y])),
+            design: DMatrix::from_fn(rows, UNKNOWNS, |row, column| white[row / 2].1[(row % 2, column)]),
+            rests: rests.map(|(k, rest)| (rest.time, by_rest.columns(3 * k, 3).into_owned())).collect(),
+        })
+    }
 
     /// Moves the zero of time by so many seconds into the past.
     pub fn later(mut self, seconds: f64) -> Self {

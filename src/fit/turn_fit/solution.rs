@@ -1,8 +1,7 @@
 //! Solution of the equations of the turns, with weights under which χ² equals its degrees of freedom.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::bias_courses::BiasCourses;
 use super::equations::{DATASHEET, Declared, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
 use super::g_sensitivity::GSensitivity;
 use super::information::{OffDiagonals, Told};
@@ -21,27 +20,27 @@ const LEAST_FREEDOM: f64 = 7.0;
 const CONDITIONED: [f64; 2] = [50.0, 100.0];
 
 /// Weighted residual of a turn and its derivatives.
-type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
+pub(super) type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
 
 /// Two rows of the factor L of the covariance of the residuals: those of one turn.
-struct Factor {
-    turn: usize,
+pub(super) struct Factor {
+    pub(super) turn: usize,
     /// Block below the diagonal, if errors are shared with the turn before.
-    shared: Option<Matrix2<f64>>,
+    pub(super) shared: Option<Matrix2<f64>>,
     /// Block on the diagonal, lower triangular.
-    triangle: Matrix2<f64>,
+    pub(super) triangle: Matrix2<f64>,
 }
 
 /// Size of the errors.
 #[derive(Clone, Copy, Debug)]
-struct Level {
+pub(super) struct Level {
     /// Share of the assumed variance that counts.
     share: f64,
     /// Variance added to every equation, rad².
-    added: f64,
+    pub(super) added: f64,
 }
 
-const AS_ASSUMED: Level = Level { share: 1.0, added: 0.0 };
+pub(super) const AS_ASSUMED: Level = Level { share: 1.0, added: 0.0 };
 
 /// Solution of the equations at some weights.
 struct SolvedTurns {
@@ -54,11 +53,11 @@ struct SolvedTurns {
 /// Fit of a subset of the turns.
 pub(super) struct TurnSolution<'a> {
     given: &'a Given,
-    at: TurnRow,
+    pub(super) at: TurnRow,
     kept: Vec<bool>,
-    equations: Vec<Equations>,
+    pub(super) equations: Vec<Equations>,
     declared: Vec<Declared>,
-    level: Level,
+    pub(super) level: Level,
 }
 
 impl<'a> TurnSolution<'a> {
@@ -142,7 +141,7 @@ impl<'a> TurnSolution<'a> {
 
     /// Factor of the covariance of the residuals, turn by turn. Errors are shared only with the turn before, so it is
     /// block bidiagonal.
-    fn factors(&self, level: Level, without: Option<usize>) -> Option<Vec<Factor>> {
+    pub(super) fn factors(&self, level: Level, without: Option<usize>) -> Option<Vec<Factor>> {
         let mut factors: Vec<Factor> = Vec::with_capacity(self.equations.len());
         for (turn, equations) in self.equations.iter().enumerate() {
             if !self.kept.get(turn).copied().unwrap_or(false) || without == Some(turn) {
@@ -165,7 +164,7 @@ impl<'a> TurnSolution<'a> {
 
     /// Residuals and their derivatives, turn by turn, weighted so that their errors are independent and of unit
     /// variance.
-    fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
+    pub(super) fn whitened(&self, level: Level, without: Option<usize>) -> Option<Vec<Whitened>> {
         let mut white: Vec<Whitened> = Vec::with_capacity(self.equations.len());
         for Factor { turn, shared, triangle } in self.factors(level, without)? {
             let equations = &self.equations[turn];
@@ -177,35 +176,6 @@ impl<'a> TurnSolution<'a> {
             white.push((triangle.solve_lower_triangular(&residual)?, triangle.solve_lower_triangular(&by)?));
         }
         Some(white)
-    }
-
-    /// Equations of the turns on an accelerometer's bias that changes from rest to rest.
-    pub(super) fn bias_courses(&self, session: &TurnSession) -> Option<BiasCourses> {
-        // An added error may come from the very change that is looked for.
-        let factors = self.factors(AS_ASSUMED, None)?;
-        let white = self.whitened(AS_ASSUMED, None)?;
-        let rows = 2 * white.len();
-        let mut by_rest = DMatrix::<f64>::zeros(rows, 3 * session.rests.len());
-        for (k, Factor { turn, shared, triangle }) in factors.iter().enumerate() {
-            let equations = &self.equations[*turn];
-            let mut own = DMatrix::zeros(2, by_rest.ncols());
-            let [from, to] = session.turns.get(*turn)?.rests;
-            for (rest, by_bias) in [to, from].into_iter().zip(equations.by_bias) {
-                let mut block = own.fixed_view_mut::<2, 3>(0, 3 * rest);
-                block += by_bias;
-            }
-            if let (Some(shared), Some(before)) = (shared, k.checked_sub(1)) {
-                own -= shared * by_rest.rows(2 * before, 2);
-            }
-            by_rest.rows_mut(2 * k, 2).copy_from(&triangle.solve_lower_triangular(&own)?);
-        }
-        let rests = session.rests.iter().enumerate();
-        Some(BiasCourses {
-            at: self.at,
-            targets: DVector::from_iterator(rows, white.iter().flat_map(|(residual, _)| [-residual.x, -residual.y])),
-            design: DMatrix::from_fn(rows, UNKNOWNS, |row, column| white[row / 2].1[(row % 2, column)]),
-            rests: rests.map(|(k, rest)| (rest.time, by_rest.columns(3 * k, 3).into_owned())).collect(),
-        })
     }
 
     fn solve(&self, level: Level, without: Option<usize>) -> Option<SolvedTurns> {

@@ -1,4 +1,4 @@
-//! Equations of the placements, and of the turns between them, on a bias that moves.
+//! BiasEquations of the placements, and of the turns between them, on a bias that moves.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
@@ -11,7 +11,7 @@ use crate::fit::turn_fit::BiasCourses;
 pub(super) const TRUST: f64 = 4.0;
 
 /// Weighted equations, in which the errors are independent and, as assumed, of unit variance.
-struct Equations {
+struct BiasEquations {
     targets: DVector<f64>,
     /// Derivatives with respect to the unknowns that do not move.
     design: DMatrix<f64>,
@@ -36,7 +36,7 @@ struct Carrier {
     block: DMatrix<f64>,
 }
 
-impl Equations {
+impl BiasEquations {
     fn of(
         seen: &[(f64, Observation)],
         given: &Assumptions<'_>,
@@ -139,7 +139,7 @@ impl Equations {
 
 /// Solved equations, with what they say of a bias that moves.
 pub(super) struct Courses {
-    equations: Equations,
+    equations: BiasEquations,
     /// Times of the placements, s, in order.
     pub(super) times: Vec<f64>,
     factor: Cholesky<f64, Dyn>,
@@ -161,7 +161,7 @@ impl Courses {
         let mut seen = seen.to_vec();
         seen.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         let times: Vec<_> = seen.iter().map(|(time, _)| *time).collect();
-        let solved = Self::solved(Equations::of(&seen, given, calibration, turns), times)?;
+        let solved = Self::solved(BiasEquations::of(&seen, given, calibration, turns), times)?;
         // The scatter that is left once the likeliest explanation is taken away.
         let steps = solved.steps().into_iter().map(|step| (step.explained, step.course));
         let outlier = (solved.outlier.1, solved.by_outlier.clone());
@@ -172,8 +172,8 @@ impl Courses {
         Self::solved(equations, times)
     }
 
-    fn solved(equations: Equations, times: Vec<f64>) -> Option<Self> {
-        let Equations { design, targets, prior, .. } = &equations;
+    fn solved(equations: BiasEquations, times: Vec<f64>) -> Option<Self> {
+        let BiasEquations { design, targets, prior, .. } = &equations;
         let mut information = design.tr_mul(design);
         prior.iter().enumerate().for_each(|(k, prior)| information[(k, k)] += prior);
         let factor = information.cholesky()?;
@@ -217,7 +217,7 @@ impl Courses {
 
     /// Standard deviations of the residuals of placements and of turns, if such a course explains a part of them.
     fn spread(&self, course: &DVector<f64>) -> Option<[f64; 2]> {
-        let Equations { design, placements, .. } = &self.equations;
+        let BiasEquations { design, placements, .. } = &self.equations;
         let passed = course - design * self.factor.solve(&design.tr_mul(course));
         let information = course.dot(&passed);
         let size = if information > 1e-9 { course.dot(&self.left) / information } else { 0.0 };
