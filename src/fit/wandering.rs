@@ -121,7 +121,7 @@ impl Courses {
             Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt), is_certain: true };
         let told_by_slope = slope.is_some() && explained < 0.5 * all_explained;
         let likelier = told_by_slope || self.outlier.1 - explained < LIKELIER;
-        likelier.then(|| Hypothesis { over, explained: all_explained - FURTHER, wandering })
+        likelier.then_some(Hypothesis { over, explained: all_explained - FURTHER, wandering })
     }
 
     /// Tests a step of one axis between two placements. A step that a single wrong placement explains better is taken

@@ -28,11 +28,11 @@ fn learned(seed: u64, moved: f64) -> Triad {
     let mut events = Vec::new();
     hand.samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
     engine.finish(&mut events);
-    let calibrations = events.into_iter().filter_map(|event| match event.message {
+    let mut calibrations = events.into_iter().filter_map(|event| match event.message {
         Message::Calibration(calibration) => calibration.accelerometer,
         _ => None,
     });
-    calibrations.last().unwrap()
+    calibrations.next_back().unwrap()
 }
 
 #[test]
