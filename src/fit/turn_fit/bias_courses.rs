@@ -7,7 +7,7 @@ use super::session::TurnSession;
 use super::solution::{AS_ASSUMED, Factor, TurnSolution};
 
 /// Linearised equations of turns, weighted so that their errors are independent and of unit variance:
-/// `design · δ + Σ by_rest · change ≈ targets`, with the unknowns less [`at`](Self::at).
+/// `design · δ + Σ by_rest · change ≈ targets`, with the unknowns less those at which they are linearised.
 #[derive(Clone, Debug)]
 pub struct BiasCourses {
     /// Unknowns about which the equations are linearised: entries of the gyroscope's C less I, then the accelerometer's
