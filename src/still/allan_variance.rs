@@ -238,9 +238,11 @@ mod tests {
             for (octaves, skip) in [(&sums.all, 0), (&sums.lasting, settling)] {
                 for (level, octave) in octaves.octaves.iter().enumerate() {
                     let (squares, count) = vectorised(&values, level, skip);
+                    // A difference of averages that nearly cancel keeps the rounding of these.
+                    let near = 1e-12 * squares + 1e-14 * squares.sqrt();
                     prop_assert_eq!(octave.count, count);
-                    prop_assert!((octave.squares.x - squares).abs() <= 1e-12 * squares, "{} {squares}", octave.squares.x);
-                    prop_assert!((octave.squares.y - 4.0 * squares).abs() <= 4e-12 * squares);
+                    prop_assert!((octave.squares.x - squares).abs() <= near, "{} {squares}", octave.squares.x);
+                    prop_assert!((octave.squares.y - 4.0 * squares).abs() <= 4.0 * near);
                     prop_assert_eq!(octave.squares.z, 0.0);
                 }
             }
