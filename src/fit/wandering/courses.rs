@@ -1,4 +1,4 @@
-//! BiasEquations of the placements, and of the turns between them, on a bias that moves.
+//! Equations of the placements, and of the turns between them, on a bias that moves.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
@@ -9,6 +9,9 @@ use crate::fit::turn_fit::BiasCourses;
 
 /// Degrees of freedom that the assumed scatter is worth.
 pub(super) const TRUST: f64 = 4.0;
+
+/// Squares that two further unknowns explain by chance.
+pub(super) const FURTHER: f64 = 4.0;
 
 /// Weighted equations, in which the errors are independent and, as assumed, of unit variance.
 struct BiasEquations {
@@ -194,8 +197,6 @@ impl Courses {
     /// Squares that an error of one placement explains, less what chance explains with the additional unknowns, and its
     /// course.
     fn as_outlier(&self, at: usize) -> (f64, DVector<f64>) {
-        /// Squares that two further unknowns explain by chance, as often as the first one of them.
-        const FURTHER: f64 = 4.0;
         let length = DVector::from_fn(self.left.len(), |row, _| f64::from(u8::from(row == at)));
         let of_length = self.explained(&length).map_or(0.0, |(moment, information)| moment * moment / information);
         let mut best = (of_length, length);

@@ -178,7 +178,7 @@ fn statuses(seeds: Seeds, part: &str, tell: bool) -> bool {
         "", "published", "confirmed", "wrong", "covered", "bounded", "gyroscope", "confirmed", "wrong", "covered"
     );
     let mut met = true;
-    for row in Row::ALL.iter().filter(|row| row.name.starts_with(part)) {
+    for row in Row::ALL.iter().filter(|row| row.name.contains(part)) {
         let outcomes = each(seeds, |seed| Outcome::of(&row.trial(seed)));
         if tell {
             outcomes.iter().zip(seeds.after + 1..).for_each(|(outcome, seed)| println!("{seed}: {outcome}"));
