@@ -34,14 +34,16 @@ pub enum Weight {
 
 /// Weight of a note. An unknown one counts as serious until somebody reads it.
 pub fn weight(note: &str) -> Weight {
-    const DETAILS: [&str; 5] = [
+    const DETAILS: [&str; 7] = [
         "no sensitivity from turns: ",
         "sensitivity from ",
         "worst_case_error allows for ",
         "no correction within its bars",
         "imported: ",
+        "the bias is that at ",
+        "the bias does not visibly depend on the temperature",
     ];
-    const HINTS: [&str; 10] = [
+    const HINTS: [&str; 12] = [
         "gravity ",
         "with each face seen once",
         "with as many placements as unknowns",
@@ -52,11 +54,18 @@ pub fn weight(note: &str) -> Weight {
         "not seen at rest: ",
         "its bias is not known",
         "the rests so far are too short",
+        "too few rests between ",
+        "time explains the changes of the bias as well",
     ];
+    /// These begin with numbers.
+    const SHORT_RANGE: &str = " °C are too little of a range to tell how the bias depends on the temperature";
+    const COUNTED: [&str; 2] = [" turns do not count: ", " rests have no temperature, so "];
     let refused = note.split_once(" is not determined: ").is_some_and(|(name, _)| model_named(name).is_some());
     match note {
         _ if refused || DETAILS.iter().any(|begin| note.starts_with(begin)) => Weight::Detail,
+        _ if note.contains(SHORT_RANGE) => Weight::Detail,
         _ if HINTS.iter().any(|begin| note.starts_with(begin)) => Weight::Hint,
+        _ if COUNTED.iter().any(|words| note.contains(words)) => Weight::Hint,
         // Bad rests were left out, good ones remain.
         _ if note.ends_with("to confirm its bias") || note.ends_with("left out") => Weight::Hint,
         _ => Weight::Serious,
@@ -75,6 +84,7 @@ pub fn estimate(value: f64, std: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::temperature::Unclear;
 
     #[test]
     fn an_estimate_has_the_digits_that_its_deviation_allows() {
@@ -99,6 +109,21 @@ mod tests {
         ] {
             assert_eq!(weight(note), expected, "{note}");
         }
+    }
+
+    #[test]
+    fn a_temperature_that_tells_nothing_is_no_reason_against_a_calibration() {
+        let range = [20.0, 22.0];
+        for (why, expected) in [
+            (Unclear::Span { range }, Weight::Detail),
+            (Unclear::Steady { range }, Weight::Detail),
+            (Unclear::Few { range }, Weight::Hint),
+            (Unclear::Gaps { without: 1, of: 9 }, Weight::Hint),
+            (Unclear::Time { range }, Weight::Hint),
+        ] {
+            assert_eq!(weight(&why.to_string()), expected, "{why}");
+        }
+        assert_eq!(weight("3 turns do not count: it lasted more than 20 s"), Weight::Hint);
     }
 
     #[test]
