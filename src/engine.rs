@@ -26,6 +26,7 @@
 //! assert_eq!(segment.map(|segment| segment.face.as_str()), Some("+Z"));
 //! ```
 
+mod advice;
 mod axes;
 mod change_gate;
 mod config;
@@ -36,6 +37,7 @@ mod fault_detection;
 mod givens;
 mod guidance;
 mod model_trial;
+mod next_step;
 mod noise;
 mod observations;
 mod outliers;

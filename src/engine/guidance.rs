@@ -1,4 +1,4 @@
-//! Guidance for the operator: next steps, notes and log lines.
+//! Guidance for the operator: notes and log lines.
 
 use nalgebra::{Matrix3, Rotation3, Vector3 as Direction};
 
@@ -7,80 +7,14 @@ use super::drift::Drift;
 use super::fault::FaultKind;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
-use super::solution::{Missing, Solution};
-use super::status::Unconfirmed;
+use super::solution::Solution;
 use crate::fit::{Calibration, Estimate, Fixture, Gravity, Parameterisation, Source};
 use crate::imu::Sensor;
 use crate::messages::foxglove::log::Level;
 use crate::messages::segment::Reason;
 use crate::messages::triad::Status;
-use crate::messages::{self, Face, Segment, Triad, Vector3};
+use crate::messages::{self, Segment, Triad, Vector3};
 use crate::still::{self, Segmenter, State};
-
-/// Next step of the operator.
-pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirmed: Result<(), Unconfirmed>) -> String {
-    let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
-    let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
-    match (&solution.missing, &solution.accelerometer) {
-        (Missing::Motion, Err(why)) => return format!("no calibration: {why}"),
-        (Missing::Direction(unseen), Err(why)) if found > 0 => {
-            return format!("{why}. Turn the sensor so that {unseen} points up and let it rest for two seconds");
-        }
-        _ => {}
-    }
-    match (missing.as_slice(), &solution.accelerometer, confirmed) {
-        ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
-            format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
-        }
-        ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for two seconds"),
-        ([first, ..], _, _) => format!(
-            "still to see: {}. Turn the sensor so that {first} points up and let it rest for two seconds",
-            missing.join(", ")
-        ),
-        ([], Err(why), _) if !why.asks_for_rests() => format!("no calibration: {why}"),
-        ([], Err(why), _) => format!("no calibration: {why}. Repeat the {} faces on a flat, firm surface", faces.len()),
-        ([], Ok(_), _) if !solution.doubts.is_empty() => solution.doubts.join("; "),
-        ([], Ok(_), _) if solution.drift.as_ref().is_some_and(|drift| !drift.followed) => {
-            solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
-        }
-        ([], Ok(_), Ok(())) => "done: repeated placements agree".to_owned(),
-        ([], Ok(fit), Err(why)) => unconfirmed(fit, solution, why),
-    }
-}
-
-/// Text on what would confirm a provisional calibration.
-fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String {
-    let others = solution.unchecked.len().saturating_sub(1);
-    let more = if others > 0 { format!(" (and {others} more after it)") } else { String::new() };
-    match (why, solution.unchecked.first(), fit.shape) {
-        (Unconfirmed::AtBound, ..) => {
-            "a parameter stands at its bound, so the bound and not the data made it: check fit.bounds and the preset".to_owned()
-        }
-        (Unconfirmed::Warmed, ..) => {
-            "the bias depends on the temperature, which placements check in part: show every face once more at the one temperature that \
-             it is to work at"
-                .to_owned()
-        }
-        (Unconfirmed::Unchecked, Some(face), Parameterisation::TRIANGULAR) => format!(
-            "let it rest once more near {face}{more}: a wrong rest there would not show, and could hide an error of {:.2} m/s²",
-            fit.hidden_error(solution.gravity.value)
-        ),
-        (Unconfirmed::Unchecked, Some(face), _) => format!(
-            "lift it and place {face} up once more{more}: a wrong placement there would not show, and could hide an error of \
-             {:.2} m/s²",
-            fit.hidden_error(solution.gravity.value)
-        ),
-        (_, _, Parameterisation::FULL_ACCELEROMETER) => {
-            "the readings follow the reference less evenly than noise would: check its time stamps, and that both are fixed to \
-             each other"
-                .to_owned()
-        }
-        (_, _, Parameterisation::TRIANGULAR) => {
-            "the rests disagree by more than placements do: let it rest in further directions, on a firm surface".to_owned()
-        }
-        _ => "repeated placements disagree: place every face once more on a flat, firm surface".to_owned(),
-    }
-}
 
 /// Note that rests were left out of a gyroscope's bias as turns.
 pub(super) fn some_turned(count: usize) -> String {

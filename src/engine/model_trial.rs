@@ -156,7 +156,7 @@ fn fit_accelerometer(
     start: Calibration,
 ) -> Result<Sound, Refusal> {
     let &Trial { shape, givens } = trial;
-    let (config, gravity, kept) = (judge.fit, givens.gravity, givens.kept == Some(shape));
+    let (config, gravity) = (judge.fit, givens.gravity);
     match shape {
         Parameterisation::TRIANGULAR if seen.len() < shape.unknowns() => {
             return Err(Refusal::TooFewPlacements { needed: shape.unknowns(), seen: seen.len() });
@@ -193,13 +193,22 @@ fn fit_accelerometer(
             _ => Refusal::Contradicting { rms, limit, at_bounds },
         });
     }
-    let limit = config.max_error * if kept { HYSTERESIS } else { 1.0 };
-    let worst = fit.direction_error(gravity.value);
-    let credible = worst <= limit;
-    if shape == Parameterisation::TRIANGULAR && !credible {
+    if shape == Parameterisation::TRIANGULAR && !is_precise(fit, judge, givens) {
+        let (worst, limit) = (fit.direction_error(gravity.value), error_limit(fit, judge, givens));
         return Err(Refusal::Weak { worst, limit, condition: fit.condition });
     }
     Ok(sound)
+}
+
+/// Whether spread poses determine a fit well enough to be published.
+pub(super) fn is_precise(fit: &Estimate, judge: &Judge<'_>, givens: &Givens<'_>) -> bool {
+    fit.direction_error(givens.gravity.value) <= error_limit(fit, judge, givens)
+}
+
+/// Largest error of a corrected reading in one direction with which a fit is published, m/s².
+fn error_limit(fit: &Estimate, judge: &Judge<'_>, givens: &Givens<'_>) -> f64 {
+    let kept = givens.kept == Some(fit.shape);
+    judge.fit.max_error * if kept { HYSTERESIS } else { 1.0 }
 }
 
 /// Assumptions of a fit beside the placements.

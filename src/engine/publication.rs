@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::config::{Config, Secondary};
 use super::guidance;
+use super::next_step;
 use super::refusal::held_back;
 use super::rest_history::{JudgedRest, RestHistory};
 use super::solution::Solution;
@@ -76,7 +77,7 @@ pub(super) fn coverage(
     // A model that needs no faces makes up for missing ones.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let confirmed = status::accelerometer(solution);
-    let next_step = obstacle.unwrap_or_else(|| guidance::next_step(&faces, book.found(), solution, confirmed));
+    let next_step = obstacle.unwrap_or_else(|| next_step::next_step(&faces, book.found(), solution, confirmed));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 

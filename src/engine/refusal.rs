@@ -39,6 +39,11 @@ pub(super) enum Refusal {
          {condition:.0}): rests between the faces would tell"
     )]
     Weak { worst: f64, limit: f64, condition: f64 },
+    /// Rests that do not check each other, and a simpler model that errs by less, both in m/s².
+    #[error(
+        "its rests do not check each other yet: a corrected reading could err by {worst:.2} m/s², and by {simpler:.2} without it"
+    )]
+    Unchecked { worst: f64, simpler: f64 },
     /// Refusal that may be due to a drift.
     #[error("{why}; {}", drift.explanation())]
     Drifting { why: Box<Self>, drift: Box<Drift> },

@@ -25,6 +25,8 @@ pub(super) struct Solution {
     pub(super) placements: usize,
     /// Names of the faces whose placements are not checked well enough, the least checked first.
     pub(super) unchecked: Vec<String>,
+    /// Poses to show next, where they are what is lacking.
+    pub(super) advice: Option<Advice>,
     /// Quantisation step of the accelerometer, m/s², if it is so coarse relative to the noise that rounding biases the
     /// means.
     pub(super) coarse_step: Option<f64>,
@@ -64,4 +66,17 @@ pub(super) enum Missing {
     Direction(String),
     /// Motion beside the reference.
     Motion,
+}
+
+/// Poses to show next.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Advice {
+    /// Name of the pose that comes first.
+    pub(super) first: String,
+    /// Number of poses, with that one.
+    pub(super) poses: usize,
+    /// Worst-case error now and afterwards, m/s².
+    pub(super) error: [f64; 2],
+    /// Whether the poses are worth the effort.
+    pub(super) worthwhile: bool,
 }

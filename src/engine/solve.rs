@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{DVector, Vector3};
 
+use super::advice;
 use super::config::Config;
 use super::givens::{Givens, per_axis};
 use super::model_trial::{self, ModelTrial, Trial};
@@ -46,7 +47,9 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
 
     let mut refused = Vec::new();
     let mut attempt = ModelTrial::new(Poses::OnFaces);
-    for &shape in candidates(config.fit.model, givens.reference.is_some()) {
+    let mut unchecked_richer: Option<(ModelTrial, Vec<Verdict>, usize)> = None;
+    let candidates = candidates(config.fit.model, givens.reference.is_some());
+    for &shape in candidates {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
         attempt = match givens.reference {
             Some(reference) if beside_reference(shape) => {
@@ -55,8 +58,27 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
             _ => model_trial::on_rests(entries, judge, &Trial { shape, givens }, start),
         };
         match &attempt.fit {
+            // A simpler model may err by less than what a wrong rest could hide here.
+            Ok(fit) if candidates.last() != Some(&shape) && !fit.is_checked() => {
+                let verdicts = entries.iter().map(|entry| entry.verdict.clone()).collect();
+                let richer = std::mem::replace(&mut attempt, ModelTrial::new(Poses::OnFaces));
+                unchecked_richer = Some((richer, verdicts, refused.len()));
+            }
             Ok(_) => break,
             Err(why) => refused.push((shape, why.clone())),
+        }
+    }
+    if let Some((richer, verdicts, refused_before)) = unchecked_richer {
+        let error = |trial: &ModelTrial| trial.fit.as_ref().ok().map(|fit| fit.worst_case_error(givens.gravity.value));
+        match (error(&richer), error(&attempt)) {
+            (Some(worst), Some(simpler)) if simpler < worst => {
+                refused.extend(richer.fit.iter().map(|fit| (fit.shape, Refusal::Unchecked { worst, simpler })));
+            }
+            _ => {
+                refused.truncate(refused_before);
+                entries.iter_mut().zip(verdicts).for_each(|(entry, verdict)| entry.verdict = verdict);
+                attempt = richer;
+            }
         }
     }
     if attempt.fit.is_err() {
@@ -71,8 +93,12 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
         turning::complete(&mut attempt, turning, judge, givens);
         refused.retain(|(shape, _)| !(turning.completed && *shape == Parameterisation::TRIANGULAR));
     }
+    let primary = attempt.fit.as_ref().ok();
+    let unchecked = primary.map_or(Vec::new(), |fit| unchecked(fit, &attempt.seen, judge.fixture));
+    let advice =
+        advice::PoseAdviser { entries, judge, givens, attempt: &attempt, turning: turning.as_ref() }.advise(&unchecked);
     let solution = others(entries, judge, config, givens, refused, attempt);
-    Solution { guessed: start, ..turning::of_gyroscope(solution, turning) }
+    Solution { guessed: start, unchecked, advice, ..turning::of_gyroscope(solution, turning) }
 }
 
 /// Models to try, the richest first.
@@ -152,7 +178,8 @@ fn others(
             Poses::Any => Missing::Direction(unseen(&ups)),
             Poses::OnFaces => Missing::Faces,
         },
-        unchecked: primary.map_or(Vec::new(), |fit| unchecked(fit, &seen, judge.fixture)),
+        unchecked: Vec::new(),
+        advice: None,
         coarse_step: givens.step.filter(|&step| observations::is_coarse(entries, step)),
         accelerometer,
         refused,

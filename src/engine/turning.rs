@@ -11,7 +11,7 @@ use super::rest_judge::{Judge, Poses};
 use super::solution::Solution;
 use super::turn_outcome::Turning;
 use crate::Stamp;
-use crate::fit::accelerometer::fit_with;
+use crate::fit::accelerometer::{Observation, fit_with};
 use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnFit, TurnSeen, TurnSession};
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
@@ -70,10 +70,8 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
         return;
     }
     let richer = match (fit.shape, attempt.poses) {
-        (Parameterisation::TRIANGULAR, _) => triangular(attempt, fit, found, judge, givens),
-        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => {
-            triangular(attempt, fit, found, judge, givens)
-        }
+        (Parameterisation::TRIANGULAR, _) => richer(attempt, fit, found, judge, givens),
+        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => richer(attempt, fit, found, judge, givens),
         _ => None,
     };
     let gravity = givens.gravity.value;
@@ -84,10 +82,10 @@ pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &
     }
 }
 
-/// Triangular accelerometer from the placements and the turns.
-fn triangular(
-    attempt: &ModelTrial,
-    fit: &Estimate,
+/// Triangular accelerometer from placements in these poses and the turns.
+pub(super) fn triangular(
+    placements: &[Observation],
+    poses: Poses,
     found: &TurnEstimate,
     judge: &Judge<'_>,
     givens: &Givens<'_>,
@@ -95,19 +93,28 @@ fn triangular(
     let shape = Parameterisation::TRIANGULAR;
     let start = shape.calibration(&DVector::from_iterator(9, found.accelerometer.iter().copied()));
     let given = assumptions(judge, &Trial { shape, givens }, start);
+    let checked = fit_with(placements, &given, Some(&found.told)).ok()?;
+    if poses == Poses::Any {
+        return Some(checked);
+    }
+    // Bias and scale are those of the rests, which the turns check.
+    let mut richer = fit_with(placements, &given, Some(&Told::from(&found.off_diagonals))).ok()?;
+    if let (Some(own), Some(more)) = (&mut richer.reliability, &checked.reliability) {
+        own.checked_by(more);
+    }
+    Some(richer)
+}
+
+/// Triangular accelerometer from the placements of a trial and the turns, with the doubts about the trial.
+fn richer(
+    attempt: &ModelTrial,
+    fit: &Estimate,
+    found: &TurnEstimate,
+    judge: &Judge<'_>,
+    givens: &Givens<'_>,
+) -> Option<Estimate> {
     let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
-    let checked = fit_with(&observations, &given, Some(&found.told)).ok()?;
-    let mut richer = match fit.shape {
-        Parameterisation::TRIANGULAR => checked,
-        _ => {
-            // Bias and scale are those of the rests, which the turns check.
-            let mut richer = fit_with(&observations, &given, Some(&Told::from(&found.off_diagonals))).ok()?;
-            if let (Some(own), Some(more)) = (&mut richer.reliability, &checked.reliability) {
-                own.checked_by(more);
-            }
-            richer
-        }
-    };
+    let mut richer = triangular(&observations, attempt.poses, found, judge, givens)?;
     for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
         // Doubts about bias and scale on the faces; the entries below the diagonal come from the turns.
         let mut moved = DVector::zeros(richer.parameters.len());

@@ -70,6 +70,8 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>) -> Result<Esti
 ///
 /// If they do not determine the parameters, or the solver fails.
 pub fn fit_with(observations: &[Observation], given: &Assumptions<'_>, told: Option<&Told>) -> Result<Estimate, Error> {
+    let allowed = told.filter(|_| given.nonlinearity > 0.0).map(|told| told.allowing_for(given.nonlinearity));
+    let told = allowed.as_ref().or(told);
     let solve = |between: f64, before: Option<&Calibration>| match (given.estimator, before) {
         (Estimator::Fixture, _) => on_fixture(observations, given, between, before),
         (Estimator::Magnitude, Some(before)) => on_magnitude(observations, given, told, between, *before),

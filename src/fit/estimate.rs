@@ -66,6 +66,11 @@ impl Estimate {
         self.residual_rms <= self.residual_limit
     }
 
+    /// Whether a single wrong placement would show, whichever it is; true beside a reference.
+    pub fn is_checked(&self) -> bool {
+        self.reliability.as_ref().is_none_or(Reliability::is_checked)
+    }
+
     /// Standard deviation of a parameter by its index.
     pub fn std(&self, i: usize) -> f64 {
         self.covariance[(i, i)].max(0.0).sqrt()

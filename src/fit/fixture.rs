@@ -67,6 +67,21 @@ impl Fixture {
         &self.faces
     }
 
+    /// Poses that a person can hold it in, with their names: the faces, then the edges between neighbouring faces.
+    pub fn poses(&self) -> Vec<(String, Vector3<f64>)> {
+        /// Cosine of the least angle between faces that share no edge.
+        const APART: f64 = -0.1;
+        let faces = self.faces.iter().map(|face| (face.name.clone(), face.normal));
+        let edges = self.faces.iter().enumerate().flat_map(|(i, one)| {
+            let neighbours = self.faces[i + 1..].iter().filter(|other| other.normal.dot(&one.normal) > APART);
+            neighbours.filter_map(|other| {
+                let up = (one.normal + other.normal).try_normalize(f64::MIN_POSITIVE)?;
+                Some((format!("the edge between {} and {}", one.name, other.name), up))
+            })
+        });
+        faces.chain(edges).collect()
+    }
+
     /// Face nearest to a true specific force, and the angle to it in degrees. `None` for a zero vector.
     pub fn nearest(&self, specific_force: &Vector3<f64>) -> Option<(usize, f64)> {
         let up = specific_force.try_normalize(1e-9)?;
@@ -128,6 +143,13 @@ mod tests {
         let turned = Fixture::new(&FixtureConfig { mounting_deg: [0.0, 0.0, 90.0], ..FixtureConfig::default() });
         let face = turned.faces().iter().find(|face| face.name == "+Y").unwrap();
         assert!((face.normal - Vector3::x()).norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_solid_has_as_many_poses_as_faces_and_edges() {
+        assert_eq!(Fixture::cube().poses().len(), 6 + 12);
+        assert_eq!(Fixture::dodecahedron().poses().len(), 12 + 30);
+        assert!(Fixture::cube().poses().iter().any(|(name, _)| name == "the edge between +X and -Z"));
     }
 
     #[test]

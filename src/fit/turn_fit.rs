@@ -20,6 +20,7 @@ mod turn_estimate;
 
 use nalgebra::Matrix3;
 
+pub(in crate::fit) use self::bias_courses::BiasAtRest;
 pub use self::bias_courses::BiasCourses;
 use self::equations::Given;
 pub use self::g_sensitivity::GSensitivity;

@@ -5,9 +5,12 @@
 mod common;
 #[path = "../common/hand.rs"]
 mod hand;
+#[path = "../common/next_step.rs"]
+mod next_step;
 #[path = "../common/session.rs"]
 mod session;
 
+mod advice;
 mod bars;
 mod calibration;
 mod models;

@@ -1,10 +1,11 @@
 //! Equations of turns on an accelerometer's bias that changes from rest to rest.
 
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::{DMatrix, DVector, SVector, Vector3};
 
 use super::equations::{DATASHEET, UNKNOWNS};
 use super::session::TurnSession;
 use super::solution::{AS_ASSUMED, Factor, TurnSolution};
+use crate::fit::parameterisation::Parameterisation;
 
 /// Linearised equations of turns, weighted so that their errors are independent and of unit variance:
 /// `design · δ + Σ by_rest · change ≈ targets`, with the unknowns less those at which they are linearised.
@@ -15,8 +16,19 @@ pub struct BiasCourses {
     pub(in crate::fit) at: SVector<f64, UNKNOWNS>,
     pub(in crate::fit) targets: DVector<f64>,
     pub(in crate::fit) design: DMatrix<f64>,
-    /// Time of each rest, s, with the derivatives of the equations by the bias during it: equations × 3.
-    pub(in crate::fit) rests: Vec<(f64, DMatrix<f64>)>,
+    /// Bias during each rest.
+    pub(in crate::fit) rests: Vec<BiasAtRest>,
+}
+
+/// Part of the equations that depends on the bias during a rest.
+#[derive(Clone, Debug)]
+pub(in crate::fit) struct BiasAtRest {
+    /// Time of the rest, s.
+    pub(in crate::fit) time: f64,
+    /// Direction of true specific force.
+    pub(in crate::fit) up: Vector3<f64>,
+    /// Derivatives of the equations: equations × 3.
+    pub(in crate::fit) by_bias: DMatrix<f64>,
 }
 
 impl BiasCourses {
@@ -51,18 +63,25 @@ impl BiasCourses {
             }
             by_rest.rows_mut(2 * k, 2).copy_from(&triangle.solve_lower_triangular(&own)?);
         }
-        let rests = session.rests.iter().enumerate();
+        let parameters =
+            DVector::from_iterator(UNKNOWNS - Self::BEFORE, solution.at.iter().skip(Self::BEFORE).copied());
+        let accelerometer = Parameterisation::TRIANGULAR.calibration(&parameters);
+        let rests = session.rests.iter().enumerate().map(|(k, rest)| BiasAtRest {
+            time: rest.time,
+            up: accelerometer.correct(&rest.force[0]).try_normalize(f64::MIN_POSITIVE).unwrap_or_default(),
+            by_bias: by_rest.columns(3 * k, 3).into_owned(),
+        });
         Some(Self {
             at: solution.at,
             targets: DVector::from_iterator(rows, white.iter().flat_map(|(residual, _)| [-residual.x, -residual.y])),
             design: DMatrix::from_fn(rows, UNKNOWNS, |row, column| white[row / 2].1[(row % 2, column)]),
-            rests: rests.map(|(k, rest)| (rest.time, by_rest.columns(3 * k, 3).into_owned())).collect(),
+            rests: rests.collect(),
         })
     }
 
     /// Moves the zero of time by so many seconds into the past.
     pub fn later(mut self, seconds: f64) -> Self {
-        self.rests.iter_mut().for_each(|(time, _)| *time += seconds);
+        self.rests.iter_mut().for_each(|rest| rest.time += seconds);
         self
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use crate::fit::accelerometer::{Assumptions, MagnitudeEquation, Observation};
 use crate::fit::calibration::Calibration;
 use crate::fit::parameterisation::Parameterisation;
-use crate::fit::turn_fit::BiasCourses;
+use crate::fit::turn_fit::{BiasAtRest, BiasCourses};
 
 /// Degrees of freedom that the assumed scatter is worth.
 pub(super) const TRUST: f64 = 4.0;
@@ -33,6 +33,8 @@ struct BiasEquations {
 /// Part of the equations that depends on the bias at some time.
 struct Carrier {
     time: f64,
+    /// Direction of true specific force at that time.
+    up: Vector3<f64>,
     /// First equation of the block.
     row: usize,
     /// Derivatives with respect to the three axes.
@@ -46,10 +48,14 @@ impl BiasEquations {
         calibration: &Calibration,
         turns: Option<&BiasCourses>,
     ) -> Self {
-        match turns {
+        let mut equations = match turns {
             Some(turns) => Self::with_turns(seen, given, turns),
             None => Self::of_placements(seen, given, calibration),
+        };
+        if given.nonlinearity > 0.0 {
+            equations.allow_for_squares(given.nonlinearity);
         }
+        equations
     }
 
     fn of_placements(seen: &[(f64, Observation)], given: &Assumptions<'_>, calibration: &Calibration) -> Self {
@@ -108,7 +114,13 @@ impl BiasEquations {
         }
         equations.targets.rows_mut(count, turns.targets.len()).copy_from(&turns.targets);
         equations.design.rows_mut(count, turns.targets.len()).copy_from(&turns.design);
-        let blocks = turns.rests.iter().map(|(time, block)| Carrier { time: *time, row: count, block: block.clone() });
+        let of_rest = |BiasAtRest { time, up, by_bias }: &BiasAtRest| Carrier {
+            time: *time,
+            up: *up,
+            row: count,
+            block: by_bias.clone(),
+        };
+        let blocks = turns.rests.iter().map(of_rest);
         equations.carriers.extend(blocks);
         equations.carriers.sort_by(|a, b| a.time.total_cmp(&b.time));
         equations
@@ -121,8 +133,24 @@ impl BiasEquations {
         let direction = -line.by_measured * weight;
         self.targets[row] = -line.residual * weight;
         self.telling.push([0, 1, 2].map(|axis| direction[axis].abs() > 0.5 * direction.norm()));
-        self.carriers.push(Carrier { time, row, block: DMatrix::from_row_slice(1, 3, direction.as_slice()) });
+        let up = line.truth.own.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+        self.carriers.push(Carrier { time, up, row, block: DMatrix::from_row_slice(1, 3, direction.as_slice()) });
         direction
+    }
+
+    /// Adds the quadratic nonlinearity of each axis to the unknowns, with a standard deviation at 1 g, m/s²: a bias along
+    /// the vertical alone, by which lengths and turns differ.
+    fn allow_for_squares(&mut self, std: f64) {
+        let at = self.design.ncols();
+        let (design, prior) = (std::mem::take(&mut self.design), std::mem::take(&mut self.prior));
+        self.design = design.insert_columns(at, 3, 0.0);
+        self.prior = prior.insert_rows(at, 3, std.powi(-2));
+        for Carrier { up, row, block, .. } in &self.carriers {
+            for axis in 0..3 {
+                let mut there = self.design.view_mut((*row, at + axis), (block.nrows(), 1));
+                there += block.column(axis) * (up[axis] * up[axis]);
+            }
+        }
     }
 
     /// Divides the equations of placements and those of turns by these standard deviations.
@@ -240,7 +268,7 @@ impl Courses {
     /// Course of the equations if each axis of the bias has moved by a share that depends on time.
     fn columns(&self, share: impl Fn(f64) -> f64) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(self.left.len(), 3);
-        for Carrier { time, row, block } in &self.equations.carriers {
+        for Carrier { time, row, block, .. } in &self.equations.carriers {
             let share = share(*time);
             if share != 0.0 {
                 let mut there = columns.rows_mut(*row, block.nrows());

@@ -82,7 +82,8 @@ impl Trial {
     ) -> Self {
         let truth = Truth::of(scenario).unwrap();
         let fit = fit::Config { gravity: Some(truth.gravity), ..fit::Config::default() };
-        let config = Config { gyroscope: "/imu".to_owned(), fit, ..Config::default() };
+        let gyroscope = scenario.gyroscope.as_ref().map_or(String::new(), |_| "/imu".to_owned());
+        let config = Config { gyroscope, fit, ..Config::default() };
         let config = match preset {
             Some(preset) => config.of(preset),
             None => config,
@@ -103,6 +104,11 @@ impl Trial {
 
     pub fn is_confirmed(&self) -> bool {
         self.triad(Quantity::AccelBias).is_some_and(|(triad, _)| triad.status() == Status::Confirmed)
+    }
+
+    /// Worst-case error of the accelerometer, m/s².
+    pub fn worst_case_error(&self) -> Option<f64> {
+        self.triad(Quantity::AccelBias).and_then(|(triad, _)| triad.worst_case_error)
     }
 
     /// Of the three axes; none if they were not determined.
