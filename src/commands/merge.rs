@@ -20,7 +20,7 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
         return Err(Error::Usage("--json prints everything, --format one format: choose one of them".to_owned()));
     }
     let inputs = listing::inputs(&args.inputs, args.inputs_from.as_deref())?;
-    let (mut all, mut code) = (Merge::default(), Code::Done);
+    let (mut all, mut code, mut passing) = (Merge::default(), Code::Done, 0);
     for path in &inputs {
         let gathered = Input::open(path).and_then(|recording| {
             let progress = Progress::new(&recording, stop);
@@ -34,9 +34,17 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
                 all.join(evidence);
                 damaged(damages, args.accept_damage)
             }
-            Err(error) => Code::of(&error),
+            Err(error) => {
+                passing += usize::from(error.is_passing());
+                Code::of(&error)
+            }
         });
         stop.check()?;
+    }
+    if passing > 0 {
+        // A merge without them would stand in the way of the one with them.
+        tracing::error!("nothing is merged while {passing} of {} inputs cannot be read; try again", inputs.len());
+        return Ok(code);
     }
     if all.sensors.is_empty() {
         return Ok(code);

@@ -2,6 +2,7 @@
 //! the bytes as [`ReadAt`].
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::ops::Range;
 
 use mcap::MAGIC;
@@ -229,7 +230,11 @@ fn edited(why: &'static str) -> Result<Kind, Error> {
 fn read_settings(file: &mut impl ReadAt, index: &MetadataIndex) -> Result<Option<BTreeMap<String, String>>, Error> {
     let end = index.offset.checked_add(index.length).filter(|_| index.length <= LIMIT);
     let Some(end) = end else { return Ok(None) };
-    let Ok(bytes) = read(file, index.offset..end) else { return Ok(None) };
+    let bytes = match read(file, index.offset..end) {
+        // The index leads out of the file.
+        Err(Error::Read { cause, .. }) if cause.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
+        read => read?,
+    };
     let body = Fields(&bytes).record().filter(|&(opcode, _)| opcode == op::METADATA);
     let parsed = body.and_then(|(_, body)| parse_metadata(body));
     Ok(parsed.filter(|(name, _)| name == METADATA).map(|(_, settings)| settings))

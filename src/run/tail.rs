@@ -56,6 +56,9 @@ pub fn tail(
     if following.options.force {
         reads.refuse(output)?;
     }
+    // Looked at before the sidecar, which is made at once.
+    let checkpoint = Checkpoint::new(checkpoint_of(&sidecar))?;
+    let indexes = IndexLog::new(index_log_of(&sidecar))?;
     let mut shell = Shell {
         output: output.to_owned(),
         config,
@@ -63,8 +66,8 @@ pub fn tail(
         stop,
         owner: Owner { version: env!("CARGO_PKG_VERSION").to_owned(), configuration: config.canonical() },
         sidecar_file: SidecarFile::open(&sidecar)?,
-        checkpoint: Checkpoint::new(checkpoint_of(&sidecar)),
-        indexes: IndexLog::new(index_log_of(&sidecar)),
+        checkpoint,
+        indexes,
     };
     let done = shell.run(input, notify);
     // An empty sidecar is only a lock.
@@ -88,7 +91,7 @@ impl Shell<'_> {
         }
         if !self.following.options.force {
             if self.output.exists() {
-                return self.already(input);
+                return self.already(input, notify);
             }
             if self.sidecar_file.length() > 0 && !self.checkpoint.exists() {
                 return Err(Error::Exists(self.sidecar_file.path().to_owned()));
@@ -102,7 +105,7 @@ impl Shell<'_> {
     }
 
     /// Handles an existing output: it must be the result of the recording as it is now.
-    fn already(&mut self, input: &Path) -> Result<Tailed, Error> {
+    fn already(&mut self, input: &Path, notify: Notify<'_>) -> Result<Tailed, Error> {
         if Location::of(input).next(&[])?.is_none() {
             // Whatever is recorded later, this is not its result.
             return Err(Error::Exists(self.output.clone()));
@@ -115,12 +118,13 @@ impl Shell<'_> {
             Options { force: false, ..self.following.options },
             &|_| self.stop.check(),
         )?;
-        // A tail may have been killed just before it removed them.
+        // A tail may have ended just before it removed them, or completed the sidecar that stays.
         if self.checkpoint.exists() {
-            self.tidy()?;
+            self.leave_sidecar(&recording, notify)?;
         } else if self.sidecar_file.length() == 0 {
             self.remove_sidecar()?;
         }
+        self.indexes.remove()?;
         let (length, output) = (recording.length(), self.output.clone());
         Ok(Tailed { report, length, output, written, ending: Ending::Finished })
     }

@@ -2,7 +2,7 @@
 //! lost to it.
 
 use crate::common::needs::needed;
-use crate::common::{Folder, Run};
+use crate::common::{Folder, Run, bag_metadata};
 use crate::{shell, watch};
 
 const CUT: usize = 60_000;
@@ -66,6 +66,101 @@ fn a_read_that_fails_once_is_no_damage() {
             }
         }
     }
+}
+
+/// A tail that was killed half way: what it leaves beside `rec.mcap`, which is whole by now, and the results in `ref`.
+fn killed_half_way() -> Folder {
+    let folder = Folder::with_demo();
+    let script = format!(
+        "head -c {CUT} demo.mcap > rec.mcap; $STILLPOINT tail -q rec.mcap -o o.mcap --idle-timeout 60s & \
+         until [ \"$(stat -c %s o.stillpoint.checkpoint 2>/dev/null || echo 0)\" -gt 2000 ]; do kill -0 $! || exit 1; sleep 0.02; done; \
+         kill -9 $!; wait; cp demo.mcap whole; dd if=whole of=rec.mcap conv=notrunc status=none"
+    );
+    shell(&folder, &script);
+    assert!(folder.names().contains(&"o.stillpoint.checkpoint".to_owned()), "{:?}", folder.names());
+    folder.say("annotate rec.mcap -o ref.mcap -q").ok();
+    folder.say("annotate --sidecar rec.mcap -o ref.stillpoint.mcap -q").ok();
+    folder
+}
+
+#[test]
+fn what_cannot_be_opened_or_read_once_is_no_strangers_file() {
+    for name in ["o.stillpoint.checkpoint", "o.stillpoint.indexes", "o.stillpoint.mcap"] {
+        for call in ["openat", "read", "pread64"] {
+            let folder = killed_half_way();
+            let trace = format!("strace -f -qq -o /dev/null -P $(pwd -P)/{name} -e trace={call}");
+            let tail = "tail -q rec.mcap -o o.mcap --idle-timeout 300ms";
+            if injected(&folder, "fsync:error=EIO:when=9999", "topics demo.mcap").is_none() {
+                return;
+            }
+            let run = shell(&folder, &format!("{trace} -e inject={call}:error=EIO:when=1 $STILLPOINT {tail}"));
+            assert!([0, 5].contains(&run.code), "{name}, {call}: {} {}", run.code, run.stderr);
+            folder.say(tail).ok();
+            assert!(folder.read("o.mcap") == folder.read("ref.mcap"), "{name}, {call}");
+            let ours = |name: &String| name.starts_with("o.") && name != "o.mcap";
+            assert!(!folder.names().iter().any(ours), "{name}, {call}: {:?}", folder.names());
+        }
+    }
+}
+
+#[test]
+fn an_index_log_that_could_not_be_begun_once_is_begun_again() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap -o ref.mcap -q").ok();
+    let tail = "tail -q demo.mcap -o o.mcap --idle-timeout 2s";
+    for call in ["openat", "pwrite64"] {
+        let trace = format!("strace -f -qq -o /dev/null -P $(pwd -P)/o.stillpoint.indexes -e trace={call}");
+        if injected(&folder, "fsync:error=EIO:when=9999", "topics demo.mcap").is_none() {
+            return;
+        }
+        for when in 1..=3 {
+            let _ = std::fs::remove_file(folder.path().join("o.mcap"));
+            let run = shell(&folder, &format!("{trace} -e inject={call}:error=ENOSPC:when={when} $STILLPOINT {tail}"));
+            assert!([0, 5].contains(&run.code), "{call} {when}: {} {}", run.code, run.stderr);
+            folder.say(tail).ok();
+            assert!(folder.read("o.mcap") == folder.read("ref.mcap"), "{call} {when}");
+        }
+    }
+}
+
+#[test]
+fn a_sidecar_that_is_to_stay_is_there_though_the_result_came_before_it() {
+    let folder = killed_half_way();
+    folder.say("annotate rec.mcap -o o.mcap -q").ok();
+    folder.say("tail -q rec.mcap -o o.mcap --idle-timeout 300ms --keep-sidecar").ok();
+    assert!(folder.read("o.stillpoint.mcap") == folder.read("ref.stillpoint.mcap"));
+    assert!(!folder.names().contains(&"o.stillpoint.checkpoint".to_owned()));
+}
+
+#[test]
+fn a_folder_for_which_there_is_no_room_is_trouble_that_passes() {
+    let folder = Folder::with_demo();
+    std::fs::create_dir(folder.path().join("bag")).unwrap();
+    folder.write("bag/bag_0.mcap", &folder.read("demo.mcap"));
+    folder.write("bag/metadata.yaml", bag_metadata(&["bag_0.mcap".to_owned()]).as_bytes());
+    for error in ["ENOSPC", "EIO"] {
+        let inject = format!("?mkdir,?mkdirat:error={error}:when=1");
+        let Some(run) = injected(&folder, &inject, "annotate bag -o out -q") else { return };
+        assert_eq!(run.code, 5, "{error}: {}", run.stderr);
+        assert!(!folder.names().iter().any(|name| name.contains("out")), "{error}: {:?}", folder.names());
+    }
+    folder.say("annotate bag -o out -q").ok();
+}
+
+#[test]
+fn recordings_are_not_merged_without_one_that_cannot_be_read_now() {
+    let folder = Folder::with_demo();
+    folder.say("simulate demo -o other.mcap --set recording.seed=2 -q").ok();
+    let merge = "merge demo.mcap other.mcap --format json -o merged.json";
+    let Some(run) = injected(&folder, "pread64:error=EIO", merge) else { return };
+    assert_eq!(run.code, 5, "{}", run.stderr);
+    assert!(!folder.names().contains(&"merged.json".to_owned()), "it stands in the way");
+    folder.say(merge).ok();
+    // An existing result that cannot be read is not another one.
+    folder.say("annotate demo.mcap -o out.mcap -q").ok();
+    let trace = "strace -f -qq -o /dev/null -P $(pwd -P)/out.mcap -e trace=pread64 -e inject=pread64:error=EIO";
+    let run = shell(&folder, &format!("{trace} $STILLPOINT annotate demo.mcap -o out.mcap -q"));
+    assert_eq!(run.code, 5, "{}", run.stderr);
 }
 
 #[test]

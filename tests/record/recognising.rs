@@ -1,5 +1,5 @@
 use proptest::prelude::*;
-use stillpoint::record::{Kind, Original, Sidecar, recognise, recognise_scanned};
+use stillpoint::record::{Kind, Original, ReadAt, Sidecar, recognise, recognise_scanned};
 
 use crate::drive::{blocks, fold, put, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, shared};
@@ -116,4 +116,40 @@ fn strip(annotated: &[u8]) -> Option<Vec<u8>> {
 
 fn copy(file: &[u8], original: &Original, range: std::ops::Range<u64>) -> Vec<u8> {
     original.pieces(range).flat_map(|piece| &file[piece.start as usize..piece.end as usize]).copied().collect()
+}
+
+/// Bytes of which one read fails: the one that comes after `left` others.
+struct FailsOnce<'a> {
+    bytes: &'a [u8],
+    left: usize,
+}
+
+impl ReadAt for FailsOnce<'_> {
+    fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> std::io::Result<()> {
+        self.left = self.left.wrapping_sub(1);
+        match self.left {
+            usize::MAX => Err(std::io::Error::from_raw_os_error(5)),
+            _ => self.bytes.read_at(offset, buffer),
+        }
+    }
+}
+
+#[test]
+fn a_read_that_fails_tells_nothing_about_a_file() {
+    let file = Recipe::plain().write();
+    let (mut sidecar, mut alone) = Sidecar::open("ros2", &settings());
+    alone.extend(sidecar.block(&topics(), &blocks()[0]).unwrap());
+    alone.extend(put(sidecar.close(), &[], &[]));
+    for bytes in [fold(&file, &topics(), &blocks()), alone, file] {
+        let length = bytes.len() as u64;
+        let kind = recognise(&mut &bytes[..], length).unwrap();
+        let mut failed = 0;
+        for left in 0..40 {
+            match recognise(&mut FailsOnce { bytes: &bytes, left }, length) {
+                Ok(found) => assert_eq!(found, kind, "read {left}"),
+                Err(_) => failed += 1,
+            }
+        }
+        assert!(failed > 0);
+    }
 }

@@ -31,12 +31,32 @@ fn own(options: &mut OpenOptions, path: &Path) -> io::Result<File> {
     let flags = OFlags::NONBLOCK | OFlags::NOFOLLOW;
     let file = match options.custom_flags(flags.bits() as i32).open(path) {
         Err(_) if path.is_symlink() => return Err(foreign("is a link")),
+        Err(_) if path.symlink_metadata().is_ok_and(|found| !found.is_file()) => {
+            return Err(foreign("is not a regular file"));
+        }
         opened => checked(opened?)?,
     };
     match file.metadata()?.nlink() {
         ..=1 => Ok(file),
         _ => Err(foreign("has further names (hard links)")),
     }
+}
+
+/// Whether a file of Stillpoint's stands there: one that begins like this, or is empty, as a kill may leave it. `None` if
+/// nothing does.
+///
+/// # Errors
+///
+/// If the system does not show it, which says nothing about whose it is.
+pub(crate) fn begins_with(path: &Path, start: &[u8]) -> io::Result<Option<bool>> {
+    let file = match open_own(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) if is_foreign(&error) || error.kind() == io::ErrorKind::PermissionDenied => return Ok(Some(false)),
+        opened => opened?,
+    };
+    let mut found = Vec::new();
+    file.take(start.len() as u64).read_to_end(&mut found)?;
+    Ok(Some(found.is_empty() || found == start))
 }
 
 /// Reads all of a small file; refuses one that is longer than `limit` bytes.

@@ -126,7 +126,8 @@ impl Output {
                 append(piece, recording, staged).map_err(Error::io("write beside", &self.path))
             }
             (Medium::Existing(file, equal), piece) => {
-                *equal = compare(file, *equal, piece, recording)?.ok_or_else(|| Error::Exists(self.path.clone()))?;
+                let there = FileAt { file, path: &self.path };
+                *equal = compare(&there, *equal, piece, recording)?.ok_or_else(|| Error::Exists(self.path.clone()))?;
                 Ok(())
             }
         }
@@ -150,7 +151,7 @@ impl Output {
                 let written = partial.file().try_clone().map_err(Error::io("write", &self.path))?;
                 match partial.finish(sync) {
                     // Another process came first, and may have written the same.
-                    Err(Error::Exists(path)) if is_copy(&written, &path) => Ok(Written::Before),
+                    Err(Error::Exists(path)) if is_copy(&written, &path)? => Ok(Written::Before),
                     finished => finished.map(|()| Written::Now),
                 }
             }
@@ -161,15 +162,37 @@ impl Output {
                 recording.check_unchanged()?;
                 in_place::replace_end(recording.file(), &self.path, from, &staged).map(|()| Written::Now)
             }
-            Medium::Existing(file, equal) if file.metadata().is_ok_and(|m| m.len() == equal) => Ok(Written::Before),
-            Medium::Existing(..) => Err(Error::Exists(self.path)),
+            Medium::Existing(file, equal) => {
+                match file.metadata().map_err(Error::io("read", &self.path))?.len() == equal {
+                    true => Ok(Written::Before),
+                    false => Err(Error::Exists(self.path)),
+                }
+            }
         }
     }
 }
 
 /// Whether a file has the same bytes as the one of this name.
-fn is_copy(file: &File, path: &Path) -> bool {
-    in_place::open(path, Access::Read).is_ok_and(|there| is_end(&there, 0, file).unwrap_or(false))
+fn is_copy(file: &File, path: &Path) -> Result<bool, Error> {
+    let there = in_place::open(path, Access::Read)?;
+    is_end(&there, 0, file).map_err(Error::io("read", path))
+}
+
+/// An existing file, and its name for errors.
+struct FileAt<'a> {
+    file: &'a File,
+    path: &'a Path,
+}
+
+impl FileAt<'_> {
+    /// Whether these bytes stand at an offset. What cannot be read is no difference.
+    fn has(&self, at: u64, bytes: &[u8]) -> Result<bool, Error> {
+        let mut found = vec![0; bytes.len()];
+        match self.file.read_exact_at(&mut found, at) {
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+            read => read.map(|()| found == bytes).map_err(Error::io("read", self.path)),
+        }
+    }
 }
 
 fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()> {
@@ -195,14 +218,10 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
 }
 
 /// Offset of the next piece if the file has `piece` at `at`; `None` if it differs.
-fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
-    let equal = |at: u64, bytes: &[u8]| {
-        let mut found = vec![0; bytes.len()];
-        file.read_exact_at(&mut found, at).is_ok() && found == bytes
-    };
+fn compare(there: &FileAt<'_>, at: u64, piece: &Piece, recording: &Recording) -> Result<Option<u64>, Error> {
     match piece {
         Piece::Indexes(_) => Ok(Some(at)),
-        Piece::Bytes(bytes) => Ok(equal(at, bytes).then_some(at + bytes.len() as u64)),
+        Piece::Bytes(bytes) => Ok(there.has(at, bytes)?.then_some(at + bytes.len() as u64)),
         Piece::Original(range) => {
             let mut from = range.start;
             let mut buffer = vec![0; 1 << 20];
@@ -210,7 +229,7 @@ fn compare(file: &File, at: u64, piece: &Piece, recording: &Recording) -> Result
                 let length = (range.end - from).min(buffer.len() as u64) as usize;
                 let Some(bytes) = buffer.get_mut(..length) else { break };
                 recording.read_exact_at(bytes, from)?;
-                if !equal(at + (from - range.start), bytes) {
+                if !there.has(at + (from - range.start), bytes)? {
                     return Ok(None);
                 }
                 from += length as u64;

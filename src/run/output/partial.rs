@@ -211,18 +211,20 @@ fn prefix(target: &Path) -> OsString {
 
 /// Creates an empty folder beside `target`, locked, under a name that nothing has.
 pub(crate) fn folder_beside(target: &Path) -> io::Result<(PathBuf, File)> {
-    use std::os::unix::fs::PermissionsExt as _;
     sweep(target);
-    let permissions = std::fs::Permissions::from_mode(0o777);
-    let mut builder = tempfile::Builder::new();
     let name = prefix(target);
-    let made = builder.prefix(&name).suffix(ENDING).permissions(permissions).tempdir_in(folder_of(target))?;
-    let lock = File::open(made.path())?;
-    let _ = lock.try_lock();
-    let known = temporary(target, |known| rename_new(made.path(), known), &lock)?;
-    // It has another name by now.
-    let _ = made.keep();
-    Ok((known, lock))
+    let new = |path: &Path| std::fs::create_dir(path);
+    // Not `tempdir_in`, whose errors have lost their number, so that a full disk could not be told from a refusal.
+    let made = tempfile::Builder::new().prefix(&name).suffix(ENDING).make_in(folder_of(target), new)?;
+    let path = made.into_temp_path().keep().map_err(|kept| kept.error)?;
+    let known = File::open(&path).and_then(|lock| {
+        let _ = lock.try_lock();
+        Ok((temporary(target, |known| rename_new(&path, known), &lock)?, lock))
+    });
+    if known.is_err() {
+        let _ = std::fs::remove_dir(&path);
+    }
+    known
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -114,7 +114,7 @@ impl SidecarFile {
     pub(crate) fn blocks<'a>(&'a self, topics: &'a [Topic]) -> impl FnMut() -> Result<Option<Block>, Error> + 'a {
         let mut blocks = SidecarBlocks::new(self.length);
         let mut file = FileBytes(&self.file);
-        move || blocks.next(&mut file, topics).map_err(|error| Error::input(&self.path, error.to_string()))
+        move || blocks.next(&mut file, topics).map_err(Error::reading(&self.path))
     }
 }
 

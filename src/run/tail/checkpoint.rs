@@ -111,9 +111,14 @@ pub(super) struct Checkpoint {
 }
 
 impl Checkpoint {
-    pub(super) fn new(path: PathBuf) -> Self {
-        let foreign = is_foreign(&path);
-        Self { path, foreign, next: Instant::now() + INTERVAL, saving: None }
+    /// What the path holds is looked at, and left as it is.
+    ///
+    /// # Errors
+    ///
+    /// If the system does not show it.
+    pub(super) fn new(path: PathBuf) -> Result<Self, Error> {
+        let foreign = is_foreign(&path)?;
+        Ok(Self { path, foreign, next: Instant::now() + INTERVAL, saving: None })
     }
 
     /// Reason why nothing is saved, if something else has the name.
@@ -203,14 +208,12 @@ impl Checkpoint {
 }
 
 /// Whether a checkpoint's name belongs to something that is no checkpoint of any version.
-pub(crate) fn is_foreign(path: &Path) -> bool {
-    let begins = |file: std::fs::File| {
-        let mut start = [0; OURS.len()];
-        let read = std::os::unix::fs::FileExt::read_exact_at(&file, &mut start, 0);
-        let empty = file.metadata().is_ok_and(|data| data.len() == 0);
-        empty || read.is_ok() && start == OURS
-    };
-    path.symlink_metadata().is_ok() && !regular::open_own(path).is_ok_and(begins)
+///
+/// # Errors
+///
+/// If the system does not show it.
+pub(crate) fn is_foreign(path: &Path) -> Result<bool, Error> {
+    Ok(regular::begins_with(path, OURS).map_err(Error::io("read", path))? == Some(false))
 }
 
 fn encode(owner: &Owner, state: Option<&StateOf<'_>>) -> Result<Vec<u8>, rmp_serde::encode::Error> {

@@ -100,16 +100,20 @@ impl Shell<'_> {
     fn annotate(&mut self, input: &Input, ending: Ending, notify: Notify<'_>) -> Result<Tailed, Error> {
         let options = self.following.options;
         let (report, written) = self.patiently(notify, |shell| shell.leave_to_batch(input, &shell.output, options))?;
-        if self.following.keep_sidecar {
-            let options = Options { form: Form::Sidecar, force: true, ..options };
-            // It replaces the one that grew, whose lock would otherwise exclude this process itself.
-            self.sidecar_file.unlock()?;
-            self.patiently(notify, |shell| shell.leave_to_batch(input, shell.sidecar_file.path(), options))?;
-            self.forget()?;
-        } else {
-            self.tidy()?;
-        }
+        self.leave_sidecar(input, notify)?;
         Ok(Tailed { report, length: input.length(), output: self.output.clone(), written, ending })
+    }
+
+    /// Leaves the sidecar as the batch path writes it, if it is to stay, and nothing else.
+    pub(super) fn leave_sidecar(&mut self, input: &Input, notify: Notify<'_>) -> Result<(), Error> {
+        if !self.following.keep_sidecar {
+            return self.tidy();
+        }
+        let options = Options { form: Form::Sidecar, force: true, ..self.following.options };
+        // It replaces the one that grew, whose lock would otherwise exclude this process itself.
+        self.sidecar_file.unlock()?;
+        self.patiently(notify, |shell| shell.leave_to_batch(input, shell.sidecar_file.path(), options))?;
+        self.forget()
     }
 
     fn leave_to_batch(&self, input: &Input, output: &Path, options: Options) -> Result<(Report, Written), Error> {
@@ -173,10 +177,17 @@ impl Shell<'_> {
             // The state does not know of blocks written after it.
             let mut next = self.sidecar_file.blocks(learner.topics());
             let (mut seen, mut later) = (0, Vec::new());
-            while let Ok(Some(block)) = next() {
+            loop {
                 self.stop.check()?;
-                seen += 1;
-                later.extend((seen > blocks).then_some(block));
+                match next() {
+                    Ok(Some(block)) => {
+                        seen += 1;
+                        later.extend((seen > blocks).then_some(block));
+                    }
+                    // What cannot be read now is not cut off.
+                    Err(error) if error.is_passing() => return Err(error),
+                    Ok(None) | Err(_) => break,
+                }
             }
             drop(next);
             self.sidecar_file.cut(length)?;

@@ -52,9 +52,13 @@ pub(super) struct IndexLog {
 
 impl IndexLog {
     /// An empty log, without a file.
-    pub(super) fn new(path: PathBuf) -> Self {
-        let foreign = path.symlink_metadata().is_ok() && !is_ours(&path);
-        Self { path, foreign, file: None, written: Mark::default(), pending: Vec::new() }
+    ///
+    /// # Errors
+    ///
+    /// If the system does not show what has its name.
+    pub(super) fn new(path: PathBuf) -> Result<Self, Error> {
+        let foreign = regular::begins_with(&path, MAGIC).map_err(Error::io("read", &path))? == Some(false);
+        Ok(Self { path, foreign, file: None, written: Mark::default(), pending: Vec::new() })
     }
 
     /// Whether it survives a kill, so that a checkpoint may rely on it.
@@ -69,7 +73,7 @@ impl IndexLog {
         if mark.length == 0 {
             return Ok(true);
         }
-        if self.foreign || !is_ours(&self.path) {
+        if self.foreign || !self.is_there().map_err(Error::io("read", &self.path))? {
             return Ok(false);
         }
         let file = regular::open_own_to_change(&self.path).map_err(Error::io("read", &self.path))?;
@@ -152,14 +156,20 @@ impl IndexLog {
     /// Creates the file, replacing one that a killed run left.
     fn begin(&self) -> io::Result<File> {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if is_ours(&self.path) {
+        if !self.foreign && self.is_there()? {
             std::fs::remove_file(&self.path)?;
         }
         let file = match self.foreign {
             true => tempfile::tempfile_in(folder)?,
             false => OpenOptions::new().read(true).write(true).create_new(true).open(&self.path)?,
         };
-        file.write_all_at(MAGIC, 0)?;
+        if let Err(error) = file.write_all_at(MAGIC, 0) {
+            // What has no beginning would not be recognised.
+            if !self.foreign {
+                let _ = std::fs::remove_file(&self.path);
+            }
+            return Err(error);
+        }
         Ok(file)
     }
 
@@ -167,16 +177,16 @@ impl IndexLog {
     pub(super) fn remove(&mut self) -> Result<(), Error> {
         self.file = None;
         (self.written, self.pending) = (Mark::default(), Vec::new());
-        match !self.foreign && is_ours(&self.path) {
+        match !self.foreign && self.is_there().map_err(Error::io("read", &self.path))? {
             true => std::fs::remove_file(&self.path).map_err(Error::io("remove", &self.path)),
             false => Ok(()),
         }
     }
-}
 
-fn is_ours(path: &Path) -> bool {
-    let mut magic = [0; MAGIC.len()];
-    regular::open_own(path).is_ok_and(|file| file.read_exact_at(&mut magic, 0).is_ok()) && magic == *MAGIC
+    /// Whether a log has the name.
+    fn is_there(&self) -> io::Result<bool> {
+        Ok(regular::begins_with(&self.path, MAGIC)? == Some(true))
+    }
 }
 
 fn mark_behind(Mark { length, crc }: Mark, bytes: &[u8]) -> Mark {
@@ -215,7 +225,7 @@ mod tests {
     fn a_log_goes_on_behind_its_mark() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.indexes");
-        let mut log = IndexLog::new(path.clone());
+        let mut log = IndexLog::new(path.clone()).unwrap();
         assert_eq!(log.flush().unwrap(), Mark::default());
         assert!(!path.exists(), "nothing was said");
         log.push(Kind::Chunks, b"one");
@@ -223,7 +233,7 @@ mod tests {
         log.push(Kind::Sidecar, b"lost");
         log.flush().unwrap();
 
-        let mut again = IndexLog::new(path.clone());
+        let mut again = IndexLog::new(path.clone()).unwrap();
         assert!(again.resume(mark).unwrap());
         again.push(Kind::Reindexed, b"two");
         let mark = again.flush().unwrap();
@@ -237,16 +247,16 @@ mod tests {
     fn what_was_changed_is_not_gone_on_with_and_what_is_not_ours_stays() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.indexes");
-        let mut log = IndexLog::new(path.clone());
+        let mut log = IndexLog::new(path.clone()).unwrap();
         log.push(Kind::Chunks, b"one");
         let mark = log.flush().unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
         std::fs::write(&path, &bytes).unwrap();
-        assert!(!IndexLog::new(path.clone()).resume(mark).unwrap());
+        assert!(!IndexLog::new(path.clone()).unwrap().resume(mark).unwrap());
 
         std::fs::write(&path, "a stranger's").unwrap();
-        let mut log = IndexLog::new(path.clone());
+        let mut log = IndexLog::new(path.clone()).unwrap();
         log.push(Kind::Chunks, b"one");
         let mark = log.flush().unwrap();
         assert!(!log.is_durable() && items(&log, mark) == [(0, b"one".to_vec())]);

@@ -1,9 +1,11 @@
 //! Paths of a watch's results, and the state of a recording by them: annotated, or left alone. A restart needs nothing
 //! else.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::discovery::{self, Stamp};
@@ -46,8 +48,7 @@ impl Quarantine {
 
     /// Reads the note at a path; `None` if it is none.
     pub(super) fn read(path: &Path) -> Option<Self> {
-        let bytes = regular::open_own(path).and_then(|file| regular::read(file, LONGEST)).ok()?;
-        serde_json::from_slice(&bytes).ok()
+        note(path)
     }
 }
 
@@ -92,9 +93,16 @@ impl Attempt {
     }
 
     fn read(path: &Path) -> Option<Self> {
-        let bytes = regular::open_own(path).and_then(|file| regular::read(file, LONGEST)).ok()?;
-        serde_json::from_slice(&bytes).ok()
+        note(path)
     }
+}
+
+/// Reads a note; `None` if it is none.
+fn note<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    let read = || regular::open_own(path).and_then(|file| regular::read(file, LONGEST));
+    // A note that cannot be read would neither count nor ever be removed: trouble that passes shall not do that.
+    let bytes = read().or_else(|error| if error.kind() == ErrorKind::NotFound { Err(error) } else { read() }).ok()?;
+    serde_json::from_slice(&bytes).ok()
 }
 
 impl Watching {
@@ -133,7 +141,8 @@ impl Watching {
     pub(super) fn state(&self, recording: &Path, stamp: &Stamp, configuration: u32) -> WatchState {
         let output = self.output(recording);
         let checkpoint = checkpoint_of(&sidecar_of(&output));
-        if checkpoint.exists() && !checkpoint::is_foreign(&checkpoint) {
+        // What cannot be read now is asked for again by the work on the recording.
+        if checkpoint.exists() && !checkpoint::is_foreign(&checkpoint).unwrap_or_default() {
             return WatchState::Waiting;
         }
         // A recording that is newer than the result may be another one of the same length.

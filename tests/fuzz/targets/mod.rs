@@ -1,0 +1,33 @@
+//! Laws that hold whatever the bytes, one file each. A law reads its case off the bytes and panics where it is broken.
+//!
+//! `tests/fuzz/main.rs` tries them on a few random bytes and on what once broke them, `.ci/fuzz` on what reaches new code.
+#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
+
+pub mod bag;
+pub mod checkpoints;
+pub mod configuration;
+pub mod decoders;
+pub mod fold;
+pub mod imports;
+pub mod pipeline;
+pub mod scan;
+pub mod schemas;
+pub mod tail;
+
+mod language;
+mod made;
+mod session;
+
+/// All laws by name.
+pub const ALL: [(&str, fn(&[u8])); 10] = [
+    ("bag", bag::check),
+    ("checkpoints", checkpoints::check),
+    ("configuration", configuration::check),
+    ("decoders", decoders::check),
+    ("fold", fold::check),
+    ("imports", imports::check),
+    ("pipeline", pipeline::check),
+    ("scan", scan::check),
+    ("schemas", schemas::check),
+    ("tail", tail::check),
+];
