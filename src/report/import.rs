@@ -96,7 +96,7 @@ fn own_triad(value: &Value, sensor: &str) -> Result<Triad, ImportError> {
     let sensitivity = list("sensitivity", 9)?;
     let sensitivity_std = list("sensitivity_std", 9)?;
     Ok(Triad {
-        sensor: value.get("sensor").and_then(Value::as_str).unwrap_or(sensor).to_owned(),
+        sensor: value.get("sensor").map_or(sensor, |name| name.as_str().unwrap_or_default()).to_owned(),
         topic: text("topic").to_owned(),
         model: model_named(text("model")).unwrap_or(Model::None).into(),
         status: Status::from_str_name(text("status")).unwrap_or(Status::Undetermined).into(),

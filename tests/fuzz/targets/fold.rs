@@ -20,7 +20,7 @@ pub fn check(bytes: &[u8]) {
     let mut u = Unstructured::new(bytes);
     let Ok(file) = made::recording(&mut u) else { return };
     let Ok((messages, inventory)) = scan(&file) else { return };
-    let loose = inventory.has_loose_messages();
+    let (loose, prefix) = (inventory.has_loose_messages(), inventory.prefix() as usize);
     let Some(out) = fold(inventory, &file) else { return };
     assert!(strip(&out) == Some(file), "strip does not give it back");
 
@@ -36,9 +36,11 @@ pub fn check(bytes: &[u8]) {
     assert_eq!(appended, annotations);
 
     // From record to record.
-    let (framed, chunks) = framed(&out);
-    if !(loose && chunks) {
-        contains(framed, &after, "from record to record");
+    match framed(&out) {
+        Ok((framed, chunks)) if !(loose && chunks) => contains(framed, &after, "from record to record"),
+        Ok(_) => {}
+        // A length that is nonsense leads nobody on, in the original as in the copy.
+        Err(at) => assert!(at < prefix, "records that lead nowhere at {at}, behind the original's {prefix} bytes"),
     }
     // By the index, which beside messages outside chunks there is none of.
     let summary = Summary::read(&out).expect("a summary that can be read").expect("a summary");
@@ -137,13 +139,17 @@ fn flat(record: &Record<'_>) -> Option<Flat> {
 /// Most bytes that a chunk may claim: that crate makes room for what it is told.
 const ROOM: u64 = 1 << 24;
 
-/// The messages that one finds who goes from record to record through the closing magic, and whether some are in chunks.
-fn framed(file: &[u8]) -> (Vec<Flat>, bool) {
+/// The messages that one finds who goes from record to record through the closing magic, and whether some are in chunks; or
+/// where the record stands that leads out of the file.
+fn framed(file: &[u8]) -> Result<(Vec<Flat>, bool), usize> {
     let (mut messages, mut chunks) = (Vec::new(), false);
     let mut rest = file.strip_prefix(MAGIC).unwrap();
     while rest != MAGIC {
-        let length = u64::from_le_bytes(rest[1..9].try_into().unwrap()) as usize;
-        match mcap::parse_record(rest[0], &rest[9..9 + length]) {
+        let at = file.len() - rest.len();
+        let length = rest.get(1..9).ok_or(at)?;
+        let length = u64::from_le_bytes(length.try_into().unwrap()) as usize;
+        let content = rest[9..].get(..length).ok_or(at)?;
+        match mcap::parse_record(rest[0], content) {
             Ok(Record::Chunk { header, data }) if header.uncompressed_size < ROOM => {
                 chunks = true;
                 // What is wrong in a chunk of the original is wrong in the copy.
@@ -156,7 +162,7 @@ fn framed(file: &[u8]) -> (Vec<Flat>, bool) {
         }
         rest = &rest[9 + length..];
     }
-    (messages, chunks)
+    Ok((messages, chunks))
 }
 
 /// The messages that the chunk indexes lead to.
