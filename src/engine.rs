@@ -39,6 +39,8 @@ mod model_trial;
 mod noise;
 mod observations;
 mod outliers;
+mod partial;
+mod partial_session;
 mod past_turn;
 mod preset;
 mod publication;
@@ -305,6 +307,7 @@ impl Engine {
         let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
         solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
         fault_detection::veto(&mut solution);
+        solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution
     }
 

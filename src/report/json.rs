@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{Change, Drift, Findings, drift, model};
-use crate::messages::{AxisNoise, Coverage, TemperatureModel, Triad, Vector3};
+use crate::messages::{AxisNoise, Combination, Coverage, TemperatureModel, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
 pub fn imus<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
@@ -103,7 +103,18 @@ pub fn triad(triad: Option<&Triad>) -> Value {
         "turns": triad.turns,
         "noise": noise(&triad.noise),
         "temperature": triad.temperature.as_ref().map(temperature),
+        "combinations": triad.combinations.iter().map(combination).collect::<Value>(),
         "notes": triad.notes,
+    })
+}
+
+/// Sum of parameters that is known.
+fn combination(known: &Combination) -> Value {
+    json!({
+        "coefficients": known.coefficients,
+        "value": known.value,
+        "std": known.std,
+        "explanation": known.explanation,
     })
 }
 
