@@ -15,7 +15,7 @@ mod ros2;
 mod ros2msg;
 
 pub use config::{Corrected, EncodingChoice, OutputConfig};
-pub use correct::Corrections;
+pub use correct::{Corrections, is_only_partial};
 pub use encoding::Encoding;
 pub use read::{ReadError, read};
 

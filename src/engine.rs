@@ -41,6 +41,8 @@ mod next_step;
 mod noise;
 mod observations;
 mod outliers;
+mod partial;
+mod partial_session;
 mod past_turn;
 mod preset;
 mod publication;
@@ -307,6 +309,7 @@ impl Engine {
         let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
         solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
         fault_detection::veto(&mut solution);
+        solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution
     }
 

@@ -3,6 +3,7 @@
 //! Pure like the layers beneath: text and numbers in, text out. The [shell](crate::run) handles files, the program
 //! writes to the terminal.
 
+mod account;
 mod drift;
 mod envelope;
 mod export;
@@ -19,6 +20,7 @@ mod timeline;
 mod words;
 pub(crate) mod yaml;
 
+pub use account::{Account, Outcome, SHIFTED, SUSPICIOUS, Verdict, Worst, account, verdict_text};
 pub use drift::{Change, Drift, drift, same};
 pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, RandomWalk, Readings, export};

@@ -11,6 +11,14 @@ use crate::imu::Sensor;
 use crate::messages::triad::Status;
 use crate::messages::{Calibration, Triad};
 
+/// Whether a calibration knows accelerometers in part and determines no triad: there is nothing to correct by.
+pub fn is_only_partial(calibration: &Calibration) -> bool {
+    let Calibration { accelerometer, gyroscope, secondary, .. } = calibration;
+    let triads = || accelerometer.iter().chain(gyroscope).chain(secondary);
+    let is_partial = triads().any(|triad| !triad.combinations.is_empty());
+    is_partial && triads().all(|triad| triad.status() == Status::Undetermined)
+}
+
 /// Corrections by a calibration, for each triad that it determines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Corrections {

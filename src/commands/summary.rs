@@ -1,6 +1,7 @@
 //! Summary for people: the rests found, the faces seen, the calibration with its uncertainty, refusals with their
 //! reasons, and the next step.
 
+mod account;
 mod parameters;
 mod rests;
 
@@ -19,6 +20,7 @@ pub fn imu(findings: &Findings, earlier: Option<&[Findings]>, look: Look) -> Str
     lines.extend(rests::faces(findings, look));
     lines.extend(parameters::calibration(findings, look));
     lines.extend(earlier.iter().flat_map(|earlier| parameters::since(findings, earlier, look)));
+    lines.extend(earlier.iter().flat_map(|earlier| account::at_rests(findings, earlier, look)));
     lines.extend(rests::rejected(findings, look));
     lines.extend(rests::near_misses(findings, look));
     lines.extend(next(findings, look));

@@ -75,7 +75,7 @@ impl ChangeGate {
             return None;
         }
         let worth = match &self.calibration {
-            None => triads(&calibration).any(is_determined),
+            None => triads(&calibration).any(|triad| is_determined(triad) || !triad.combinations.is_empty()),
             Some(last) => {
                 at_end && last.segments != calibration.segments
                     || triads(last).zip(triads(&calibration)).any(|(last, now)| is_news(last, now))
@@ -106,6 +106,11 @@ fn is_news(last: &Triad, now: &Triad) -> bool {
     if last.status() != now.status() || last.model() != now.model() || order(last) != order(now) {
         return true;
     }
+    // What is known in part is news like a parameter, and if there is more or less of it.
+    let sums = |triad: &Triad| triad.combinations.iter().map(|known| known.coefficients.clone()).collect::<Vec<_>>();
+    if sums(last) != sums(now) {
+        return true;
+    }
     let old = parameters_of(last).zip(stds_of(last));
     let new = parameters_of(now).zip(stds_of(now));
     // A parameter that is not estimated has no deviation, and never moves.
@@ -116,12 +121,14 @@ fn is_news(last: &Triad, now: &Triad) -> bool {
 
 fn parameters_of(triad: &Triad) -> impl Iterator<Item = f64> {
     let coefficients = triad.temperature.iter().flat_map(|model| model.coefficients.clone());
-    components(triad.bias.as_ref()).chain(triad.sensitivity.clone()).chain(coefficients)
+    let known = triad.combinations.iter().map(|known| known.value);
+    components(triad.bias.as_ref()).chain(triad.sensitivity.clone()).chain(coefficients).chain(known)
 }
 
 fn stds_of(triad: &Triad) -> impl Iterator<Item = f64> {
     let coefficients = triad.temperature.iter().flat_map(|model| model.coefficients_std.clone());
-    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone()).chain(coefficients)
+    let known = triad.combinations.iter().map(|known| known.std);
+    components(triad.bias_std.as_ref()).chain(triad.sensitivity_std.clone()).chain(coefficients).chain(known)
 }
 
 fn components(vector: Option<&messages::Vector3>) -> impl Iterator<Item = f64> {

@@ -40,7 +40,7 @@ pub(super) fn rejection(segment: &Segment) -> String {
 /// Log line on a published calibration.
 pub(super) fn published(calibration: &messages::Calibration) -> String {
     let triads = calibration.accelerometer.iter().chain(&calibration.gyroscope).chain(&calibration.secondary);
-    let parts: Vec<_> = triads.filter(|triad| triad.status() != Status::Undetermined).map(triad).collect();
+    let parts: Vec<_> = triads.filter_map(triad).collect();
     format!("calibration {} from {} rests: {}", calibration.revision, calibration.segments, parts.join("; "))
 }
 
@@ -271,10 +271,14 @@ pub(super) fn assumed_gravity(gravity: Gravity) -> String {
     format!("gravity {:.5} ± {:.4} m/s², {how} to sharpen the scale", gravity.value, gravity.half_interval())
 }
 
-fn triad(triad: &Triad) -> String {
+fn triad(triad: &Triad) -> Option<String> {
+    let known: Vec<_> = triad.combinations.iter().map(|known| known.explanation.as_str()).collect();
+    if triad.status() == Status::Undetermined {
+        return (!known.is_empty()).then(|| format!("{} in part, {}", triad.sensor, known.join(", ")));
+    }
     let status = triad.status().as_str_name().to_lowercase();
     let vector =
         |v: &Option<Vector3>| v.as_ref().map_or_else(String::new, |v| format!("{:.5} {:.5} {:.5}", v.x, v.y, v.z));
     let scale = if triad.scale.is_some() { format!(", scale {}", vector(&triad.scale)) } else { String::new() };
-    format!("{} ({status}) bias {}{scale}", triad.sensor, vector(&triad.bias))
+    Some(format!("{} ({status}) bias {}{scale}", triad.sensor, vector(&triad.bias)))
 }

@@ -115,7 +115,11 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
             let why = why.to_string();
             let remarks = remarks.into_iter().filter(|remark| *remark != why);
             let notes = std::iter::once(why.clone()).chain(remarks).chain(guidance::refused(solution));
-            return Triad { notes: notes.collect(), ..named };
+            let (combinations, against) = match &solution.partial.accelerometer {
+                Ok(known) => (known.clone(), None),
+                Err(against) => (Vec::new(), Some(against.to_string())),
+            };
+            return Triad { notes: notes.chain(against).collect(), combinations, ..named };
         }
     };
     let mut notes = held_back(fit);
@@ -141,7 +145,10 @@ fn secondary(index: usize, config: &Config, solution: &Solution) -> Triad {
     let named = named(&name, &topic);
     let fit = match solution.secondary.get(index) {
         Some(Ok(fit)) => fit,
-        Some(Err(why)) => return Triad { notes: vec![why.to_string()], ..named },
+        Some(Err(why)) => {
+            let combinations = solution.partial.secondary.get(index).cloned().unwrap_or_default();
+            return Triad { notes: vec![why.to_string()], combinations, ..named };
+        }
         None => return named,
     };
     // The secondary follows the primary, and so does the error that a wrong placement could hide there.

@@ -100,6 +100,19 @@ pub(super) enum Refusal {
 }
 
 impl Refusal {
+    /// Whether the data are sound, but too few for all parameters.
+    pub(super) fn is_of_too_little(&self) -> bool {
+        matches!(
+            self,
+            Self::FacesMissing(_)
+                | Self::TooFewPlacements { .. }
+                | Self::Weak { .. }
+                | Self::Unsolved(_)
+                | Self::TooLittleMotion
+                | Self::NoReference
+        )
+    }
+
     /// Whether further rests could make up for it.
     pub(super) fn asks_for_rests(&self) -> bool {
         match self {

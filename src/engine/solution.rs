@@ -2,6 +2,7 @@
 
 use super::drift::Drift;
 use super::fault::Fault;
+use super::partial::Partial;
 use super::refusal::Refusal;
 use super::turn_outcome::Turning;
 use super::warmth::Warmth;
@@ -53,6 +54,8 @@ pub(super) struct Solution {
     pub(super) drift: Option<Drift>,
     /// Dependence of the biases on the temperature, if the rests have one.
     pub(super) warmth: Option<Warmth>,
+    /// What is known of accelerometers that are not determined.
+    pub(super) partial: Partial,
     /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,
 }

@@ -9,6 +9,7 @@ use super::config::Config;
 use super::givens::{Givens, per_axis};
 use super::model_trial::{self, ModelTrial, Trial};
 use super::observations::{self, Placed};
+use super::partial::Partial;
 use super::preset::secondary_bounds;
 use super::refusal::{Refusal, held_back};
 use super::rest_history::{JudgedRest, Verdict};
@@ -186,6 +187,7 @@ fn others(
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
         drift,
         warmth: None,
+        partial: Partial::nothing(),
         gyro_placements: rates.len(),
         gyro_relaxed: entries
             .iter()

@@ -571,6 +571,9 @@ pub struct Triad {
     pub noise: ::prost::alloc::vec::Vec<AxisNoise>,
     #[prost(message, optional, tag = "27")]
     pub temperature: ::core::option::Option<TemperatureModel>,
+    /// while UNDETERMINED: what the rests determine nevertheless
+    #[prost(message, repeated, tag = "28")]
+    pub combinations: ::prost::alloc::vec::Vec<Combination>,
 }
 /// Nested message and enum types in `Triad`.
 pub mod triad {
@@ -682,6 +685,32 @@ impl ::prost::Name for Triad {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/stillpoint.Triad".into()
+    }
+}
+/// A sum of parameters that is known although not every one of them is: a rest on +X alone tells bias x + g * scale x.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Combination {
+    /// of bias x, y, z, then of S row by row: 12
+    #[prost(double, repeated, tag = "1")]
+    pub coefficients: ::prost::alloc::vec::Vec<f64>,
+    /// the sum over the coefficients times the parameters
+    #[prost(double, tag = "2")]
+    pub value: f64,
+    /// as of bias_std
+    #[prost(double, tag = "3")]
+    pub std: f64,
+    /// for people: the sum with half of its 95 % interval
+    #[prost(string, tag = "4")]
+    pub explanation: ::prost::alloc::string::String,
+}
+impl ::prost::Name for Combination {
+    const NAME: &'static str = "Combination";
+    const PACKAGE: &'static str = "stillpoint";
+    fn full_name() -> ::prost::alloc::string::String {
+        "stillpoint.Combination".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/stillpoint.Combination".into()
     }
 }
 /// Noise of one axis by the Allan variance of its rests, with 95 % intervals. Accelerometers: m/s^2/sqrt(Hz) and

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use self::engine_setup::{engine_config, topic_of};
 pub(crate) use self::notes::{not_corrected, uncorrected};
 use crate::Stamp;
-use crate::annotate::{Annotator, Corrected, Corrections};
+use crate::annotate::{Annotator, Corrected, Corrections, is_only_partial};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message};
 use crate::fit::{Gravity, Place, Source};
@@ -396,6 +396,7 @@ impl Learner {
             learning.findings.note(&event);
             if let Message::Calibration(calibration) = &event.message
                 && self.config.output.corrected == Corrected::Causal
+                && (learning.corrections.is_some() || !is_only_partial(calibration))
             {
                 let first = learning.corrections.is_none();
                 let corrections = learning.corrections.insert(Corrections::of(calibration));

@@ -116,8 +116,19 @@ fn own_triad(value: &Value, sensor: &str) -> Result<Triad, ImportError> {
         turns: value.get("turns").and_then(Value::as_u64).unwrap_or_default() as u32,
         noise: value.get("noise").map(own_noise).unwrap_or_default(),
         temperature: value.get("temperature").and_then(own_temperature),
+        covariance: own_square(value.get("covariance")),
+        placement_std: value
+            .get("placement_std")
+            .and_then(|list| numbers(list, 1).or_else(|| numbers(list, 3)))
+            .unwrap_or_default(),
         ..Triad::default()
     })
+}
+
+/// A square matrix, row by row; empty if it is none.
+fn own_square(value: Option<&Value>) -> Vec<f64> {
+    let size = value.and_then(Value::as_array).map_or(0, Vec::len);
+    value.filter(|_| size.isqrt().pow(2) == size).and_then(|list| numbers(list, size)).unwrap_or_default()
 }
 
 fn own_noise(value: &Value) -> Vec<AxisNoise> {

@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::{Change, Drift, Findings, drift, model};
-use crate::messages::{AxisNoise, Coverage, TemperatureModel, Triad, Vector3};
+use super::{Account, Change, Drift, Findings, SHIFTED, SUSPICIOUS, account, drift, model};
+use crate::messages::{AxisNoise, Combination, Coverage, TemperatureModel, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
 pub fn imus<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
@@ -18,7 +18,7 @@ pub fn rests<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
     json!({"found": found, "accepted": accepted, "rejected": found - accepted})
 }
 
-/// Drifts of an IMU since an earlier calibration: a list of triads, or an error.
+/// Drifts of an IMU since an earlier calibration, and what its rests say of that: lists of triads, or an error.
 pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
     let changes = |changes: &Option<[Change; 3]>| {
         changes.map(|changes| json!({"by": changes.map(|change| change.by), "std": changes.map(|change| change.std)}))
@@ -32,10 +32,38 @@ pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
             "significant": drift.is_significant(),
         })
     };
-    match drift(now, earlier) {
-        Ok(drifts) => json!({"topic": now.topic, "triads": drifts.iter().map(one).collect::<Value>()}),
-        Err(why) => json!({"topic": now.topic, "error": why}),
+    match (drift(now, earlier), account(now, earlier)) {
+        (Ok(drifts), Ok(accounts)) => json!({
+            "topic": now.topic,
+            "triads": drifts.iter().map(one).collect::<Value>(),
+            "at_rests": accounts.iter().map(at_rests).collect::<Value>(),
+            "false_alarms": {"suspicious": SUSPICIOUS, "shifted": SHIFTED},
+        }),
+        (Err(why), _) | (_, Err(why)) => json!({"topic": now.topic, "error": why}),
     }
+}
+
+/// An earlier calibration of a triad at the rests of a recording.
+fn at_rests(account: &Account) -> Value {
+    let outcome = match &account.outcome {
+        Ok(outcome) => outcome,
+        Err(why) => return json!({"sensor": account.sensor, "verdict": null, "reason": why}),
+    };
+    json!({
+        "sensor": account.sensor,
+        "verdict": outcome.verdict.name(),
+        "chance": outcome.chance,
+        "placements": outcome.placements,
+        "chi2_per_dof": outcome.chi2_per_dof,
+        "worst": {
+            "start": outcome.worst.start as f64 * 1e-9,
+            "face": text(&outcome.worst.face),
+            "axis": outcome.worst.axis.and_then(|axis| ["x", "y", "z"].get(axis).copied()),
+            "off": outcome.worst.off,
+            "std": outcome.worst.std,
+        },
+        "states_uncertainty": outcome.states_uncertainty,
+    })
 }
 
 fn imu(findings: &Findings) -> Value {
@@ -103,7 +131,18 @@ pub fn triad(triad: Option<&Triad>) -> Value {
         "turns": triad.turns,
         "noise": noise(&triad.noise),
         "temperature": triad.temperature.as_ref().map(temperature),
+        "combinations": triad.combinations.iter().map(combination).collect::<Value>(),
         "notes": triad.notes,
+    })
+}
+
+/// Sum of parameters that is known.
+fn combination(known: &Combination) -> Value {
+    json!({
+        "coefficients": known.coefficients,
+        "value": known.value,
+        "std": known.std,
+        "explanation": known.explanation,
     })
 }
 

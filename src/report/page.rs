@@ -3,6 +3,7 @@
 //!
 //! Each section is a module; [`plot`](super::plot) draws. Markup is made by `maud`, which escapes what is put into it.
 
+mod account;
 mod calendar;
 mod elements;
 mod faces;
@@ -102,6 +103,7 @@ impl Page<'_> {
             signal::acceleration(&imu),
             faces::section(&imu),
             Some(numbers::section(&imu, self.earlier)),
+            self.earlier.map(|earlier| account::section(&imu, earlier)),
             paste::section(&imu, self.recording),
             rests::residuals(&imu),
             temperature::section(&imu),

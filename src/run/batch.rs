@@ -15,7 +15,7 @@ pub(super) use self::annotated_writer::Indexes;
 use self::annotated_writer::{Kept, NextBlock, ReadSplit, write_annotated, write_sidecar};
 use self::split_learner::SplitLearner;
 use crate::Error;
-use crate::annotate::{Corrected, Corrections};
+use crate::annotate::{Corrected, Corrections, is_only_partial};
 use crate::config::Config;
 use crate::imu::ChannelRole;
 use crate::pipeline::correction_pass::CorrectionPass;
@@ -248,7 +248,8 @@ fn correct_all(
     mut keep: impl FnMut(usize, &Block) -> Result<(), Error>,
     watch: Watch<'_>,
 ) -> Result<(), Error> {
-    let of = |imu: &Findings| imu.calibration.as_ref().map(Corrections::of);
+    let known = |imu: &Findings| imu.calibration.clone().filter(|calibration| !is_only_partial(calibration));
+    let of = |imu: &Findings| known(imu).as_ref().map(Corrections::of);
     let corrections: Vec<_> = learned.imus.iter().map(of).collect();
     for (imu, corrections) in learned.imus.iter().zip(&corrections) {
         learned.notes.extend(corrections.as_ref().and_then(|corrections| uncorrected(&imu.name, corrections)));
@@ -270,7 +271,7 @@ fn correct_all(
         done += split.length();
     }
     let corrector = pass.finish();
-    let stuck = learned.imus.iter().filter(|imu| imu.calibration.is_some() && !corrector.has_written(&imu.name));
+    let stuck = learned.imus.iter().filter(|imu| known(imu).is_some() && !corrector.has_written(&imu.name));
     learned.notes.extend(stuck.map(not_corrected));
     Ok(())
 }

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use prost_types::Timestamp;
 use stillpoint::engine::Message;
 use stillpoint::messages::{
-    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
-    Triad, TriadMean, Turn, Vector3, foxglove,
+    AllanSums, AxisNoise, Calibration, Combination, Coverage, Face, Header, Noise, Octaves, Segment, Stillness,
+    TemperatureModel, Triad, TriadMean, Turn, Vector3, foxglove,
 };
 
 pub fn message() -> impl Strategy<Value = Message> {
@@ -130,12 +130,22 @@ prop_compose! {
         (row_norms, row_norms_std) in (of(vector()), of(vector())),
         (misalignment, misalignment_std, turns) in (numbers(), numbers(), any::<u32>()),
         (noise, temperature) in (vec(axis_noise(), 0..3), of(temperature_model())),
+        combinations in vec(combination(), 0..3),
     ) -> Triad {
         Triad {
             sensor, topic, model, status, bias, scale, sensitivity, bias_std, scale_std, sensitivity_std, g_sensitivity,
             g2_sensitivity, rate_sensitivity, residual_rms, chi2_per_dof, worst_case_error, condition, covariance,
             placement_std, notes, row_norms, row_norms_std, misalignment, misalignment_std, turns, noise, temperature,
+            combinations,
         }
+    }
+}
+
+prop_compose! {
+    fn combination()(
+        (coefficients, value, std, explanation) in (numbers(), any::<f64>(), any::<f64>(), text()),
+    ) -> Combination {
+        Combination { coefficients, value, std, explanation }
     }
 }
 

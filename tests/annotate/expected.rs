@@ -3,8 +3,8 @@
 use prost_types::Timestamp;
 use stillpoint::engine::Message;
 use stillpoint::messages::{
-    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
-    Triad, TriadMean, Turn, Vector3, foxglove,
+    AllanSums, AxisNoise, Calibration, Combination, Coverage, Face, Header, Noise, Octaves, Segment, Stillness,
+    TemperatureModel, Triad, TriadMean, Turn, Vector3, foxglove,
 };
 
 use super::reader::Value;
@@ -175,6 +175,16 @@ fn triad(m: &Triad) -> Value {
         ("turns", integer(m.turns)),
         ("noise", sequence(&m.noise, axis_noise)),
         ("temperature", temperature_model(m.temperature.as_ref())),
+        ("combinations", sequence(&m.combinations, combination)),
+    ])
+}
+
+fn combination(m: &Combination) -> Value {
+    record([
+        ("coefficients", numbers(&m.coefficients)),
+        ("value", Value::Float(m.value)),
+        ("std", Value::Float(m.std)),
+        ("explanation", text(&m.explanation)),
     ])
 }
 

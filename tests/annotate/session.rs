@@ -4,8 +4,8 @@ use prost_types::Timestamp;
 use stillpoint::Stamp;
 use stillpoint::engine::{Event, Message};
 use stillpoint::messages::{
-    AllanSums, AxisNoise, Calibration, Coverage, Face, Header, Noise, Octaves, Segment, Stillness, TemperatureModel,
-    Triad, TriadMean, Turn, Vector3, foxglove, segment, stillness, triad, turn,
+    AllanSums, AxisNoise, Calibration, Combination, Coverage, Face, Header, Noise, Octaves, Segment, Stillness,
+    TemperatureModel, Triad, TriadMean, Turn, Vector3, foxglove, segment, stillness, triad, turn,
 };
 
 const START: i64 = 1_700_000_000_000_000_000;
@@ -183,6 +183,12 @@ fn everything(second: i64) -> Calibration {
             coefficients: vec![1e-3, -1e-3, 0.0],
             coefficients_std: vec![1e-5; 3],
         }),
+        combinations: vec![Combination {
+            coefficients: vec![1.0, 0.0, 0.0, 9.80665, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            value: 9.873,
+            std: 0.01,
+            explanation: "bias x + 9.80665 · scale x = 9.873 ± 0.020 m/s²".to_owned(),
+        }],
     };
     let secondary = vec![Triad { sensor: "highg".to_owned(), ..accelerometer.clone() }, Triad::default()];
     Calibration {

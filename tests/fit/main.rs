@@ -15,6 +15,7 @@ mod bars;
 mod calibration;
 mod models;
 mod movement;
+mod partial;
 mod position;
 mod presets;
 mod recognised;

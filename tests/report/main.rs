@@ -11,6 +11,7 @@ mod hand;
 #[path = "../common/warm.rs"]
 mod warm;
 
+mod account;
 mod exports;
 mod hostile_names;
 mod layout;

@@ -36,6 +36,7 @@ pub fn calibration(findings: &Findings, look: Look) -> Vec<String> {
         let mut says = |label: &str, text: &str| {
             inside.sentence(&format!("  {label:<14}"), text).into_iter().for_each(|line| table.heading(line));
         };
+        triad.combinations.iter().for_each(|known| says("in part", &known.explanation));
         if let Some([before, after]) = findings.residuals().filter(|_| is_primary) {
             says(
                 "observed",

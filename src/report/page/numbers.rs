@@ -41,6 +41,10 @@ fn triad(triad: &Triad) -> Markup {
                 small { (status.as_str_name()) @if let Some(model) = model(triad.model()) { " · " (model) } }
             }
             @if !rows.is_empty() { (table(None, Some(axes()), &rows)) }
+            @if !triad.combinations.is_empty() {
+                p { "Known in part, ± half of a 95 % interval:" }
+                ul.known { @for known in &triad.combinations { li.n { (known.explanation) } } }
+            }
             @if !facts.is_empty() { p.dim { (facts.join(" · ")) } }
             @if let Some(notes) = notes(&triad.notes) { (notes) }
         }

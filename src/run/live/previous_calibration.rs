@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::annotate::Corrections;
+use crate::annotate::{Corrections, is_only_partial};
 use crate::config::Config;
 use crate::imu::ImuId;
 use crate::messages::Calibration;
@@ -57,8 +57,11 @@ impl PreviousCalibration {
         rewritten.into_iter().map(|(imu, data)| (topic(imu), annotation(data))).collect()
     }
 
-    /// Switches to the recording's own calibration.
+    /// Switches to the recording's own calibration, unless that corrects nothing yet.
     pub(super) fn calibrated(&mut self, imu: &str, calibration: &Calibration) {
+        if is_only_partial(calibration) {
+            return;
+        }
         let own = (!self.are_written).then(|| Corrections::of(calibration));
         self.by.insert(imu.to_owned(), own);
     }
