@@ -40,6 +40,21 @@ pub enum ImportError {
 ///
 /// If it is in none of the formats, or violates its own.
 pub fn import(text: &str, axes: Option<Axes>) -> Result<Vec<Findings>, ImportError> {
+    let imus = read(text, axes)?;
+    for triad in imus.iter().flat_map(Findings::triads) {
+        let bias = triad.bias.iter().flat_map(|bias| [bias.x, bias.y, bias.z]);
+        let numbers = bias.chain(triad.sensitivity.iter().chain(&triad.g_sensitivity).copied());
+        if !numbers.into_iter().all(f64::is_finite) {
+            return Err(wrong(
+                "calibration",
+                format!("the numbers of its {} are too large to compute with", triad.sensor),
+            ));
+        }
+    }
+    Ok(imus)
+}
+
+fn read(text: &str, axes: Option<Axes>) -> Result<Vec<Findings>, ImportError> {
     if let Some(parameters) = Parameters::parse(text) {
         return autopilot(&parameters, axes);
     }

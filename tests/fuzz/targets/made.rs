@@ -108,7 +108,7 @@ fn any_record(u: &mut Unstructured<'_>, depth: u32) -> Result<Vec<u8>> {
         0 | 1 => record(0x03, &[&id[..], &text("pkg/msg/T"), &text("ros2msg"), &text("int8 x")].concat()),
         2..=4 => {
             let schema = u16::to_le_bytes(u.int_in_range(0..=3)?);
-            let topic = text(*u.choose(&["/a", "/b", "/a/stillpoint/segment"])?);
+            let topic = text(u.choose(&["/a", "/b", "/a/stillpoint/segment"])?);
             record(0x04, &[&id[..], &schema, &topic, &text("cdr"), &[0; 4]].concat())
         }
         5..=8 => {

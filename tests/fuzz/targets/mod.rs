@@ -18,8 +18,11 @@ mod language;
 mod made;
 mod session;
 
+/// A law: it panics where some bytes break it.
+pub type Law = fn(&[u8]);
+
 /// All laws by name.
-pub const ALL: [(&str, fn(&[u8])); 10] = [
+pub const ALL: [(&str, Law); 10] = [
     ("bag", bag::check),
     ("checkpoints", checkpoints::check),
     ("configuration", configuration::check),
