@@ -265,8 +265,11 @@ fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
             let is_data = sound.records.iter().any(|(range, _)| range.contains(&place) && range.end <= sound.data_end);
             assert!(damage > 0 || sound.chunked || !is_data, "{at}");
             let out = fold(&file, &topics(), &blocks());
-            // Messages of a chunk whose frame is broken may be found as loose ones, which an index would hide.
-            let unframed = hit.is_some_and(|range| sound.file[range.start] == 6 && place < range.start + 9);
+            // Messages of a chunk may be found as loose ones, which an index would hide, if its frame is broken or a length
+            // in its head: that of the compression's name or of the records.
+            let lengths =
+                |start: usize| (start..start + 9).contains(&place) || (start + 37..start + 53).contains(&place);
+            let unframed = hit.is_some_and(|range| sound.file[range.start] == 6 && lengths(range.start));
             if sound.chunked && !(unframed && indexed(&out) == 0) {
                 assert_eq!(indexed(&out), found.len() + 5, "{at}");
             }
