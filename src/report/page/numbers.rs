@@ -43,7 +43,7 @@ fn triad(triad: &Triad) -> Markup {
             @if !rows.is_empty() { (table(None, Some(axes()), &rows)) }
             @if !triad.combinations.is_empty() {
                 p { "Known in part, ± half of a 95 % interval:" }
-                ul.known { @for known in &triad.combinations { li.n { (known.explanation) } } }
+                ul.known { @for known in &triad.combinations { li { (known.explanation) } } }
             }
             @if !facts.is_empty() { p.dim { (facts.join(" · ")) } }
             @if let Some(notes) = notes(&triad.notes) { (notes) }
