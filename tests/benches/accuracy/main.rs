@@ -67,7 +67,8 @@ fn main() -> ExitCode {
         !wanted("coverage") || coverage(of(4 * seeds)),
         !wanted("rich") || rich(of(seeds)),
         !wanted("status") || statuses(of(seeds), &part, tell),
-        !wanted("poses") || poses(of(seeds), &part),
+        // Each session is simulated anew with every pose.
+        !wanted("poses") || poses(of(if full { seeds } else { 1 }), &part),
         !wanted("merged") || merged::fleets(of(seeds), &part),
     ];
     // Of a few seeds nothing is expected but that they run.
