@@ -306,14 +306,17 @@ impl Scan {
                 Stage::EndMagic => self.end_magic(),
                 Stage::Done => return Ok(Step::End),
             };
-            match done {
-                Ok(()) => {}
-                Err(stop @ Stop::Read { .. }) => return Ok(Step::Stop(stop)),
-                // The bytes that were judged may be rewritten meanwhile.
-                Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
+            let done = match done {
                 Err(Stop::End | Stop::Cut { .. }) => {
                     self.end("the recording ends without a footer: its recorder never finished it")
                 }
+                done => done,
+            };
+            match done {
+                // The bytes that were judged may be rewritten meanwhile.
+                Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
+                Err(stop) => return Ok(Step::Stop(stop)),
+                Ok(()) => {}
             }
         }
     }

@@ -1,5 +1,5 @@
 //! The laws of `targets/`, on what once broke them and on a few random bytes; `STILLPOINT_FUZZ=100` tries a hundred times
-//! as many, `.ci/fuzz` those that reach new code. A law that is known to break is ignored, with what is open.
+//! as many, `.ci/fuzz` those that reach new code.
 #![allow(clippy::unwrap_used)]
 
 #[path = "../common/needs.rs"]
@@ -80,13 +80,11 @@ fn any_bytes_are_a_message_or_refused() {
 }
 
 #[test]
-#[ignore = "open: it also asks the mcap crate for what we save from damaged chunks, and that crate does not"]
 fn what_is_whole_in_any_recording_is_found_when_it_is_annotated() {
     random_bytes("fold");
 }
 
 #[test]
-#[ignore = "open: notes of an exported calibration are not read back"]
 fn any_text_is_a_calibration_or_refused() {
     random_bytes("imports");
 }
@@ -97,7 +95,6 @@ fn every_command_reads_any_recording_or_refuses_it() {
 }
 
 #[test]
-#[ignore = "open: the length of a damage behind the footer is that of the file as it was when it was found"]
 fn any_splits_of_any_recording_give_the_same_events() {
     random_bytes("scan");
 }

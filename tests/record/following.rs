@@ -121,14 +121,28 @@ fn room_that_was_made_ahead_of_the_records_is_waited_for() {
     let ahead = |at: usize| vec![(0, [&whole[..at], &vec![0; whole.len() - at][..]].concat()), (0, whole.clone())];
     let expected = follow(&[(0, whole.clone())], || false);
     let mut at = 8;
-    while at < whole.len() {
+    loop {
         let (told, inventory) = follow(&ahead(at), || true);
         assert_eq!((told, format!("{inventory:?}")), (expected.0.clone(), format!("{:?}", expected.1)), "{at}");
-        // On to the next record: what lies half under the zeros cannot be told from what is whole.
-        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
-        if at + 9 > whole.len() {
+        if at + mcap::MAGIC.len() == whole.len() {
             break;
         }
+        // On to the next record: what lies half under the zeros cannot be told from what is whole.
+        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+}
+
+#[test]
+fn how_much_stands_in_the_place_of_the_closing_magic_is_said_once_it_is_all_there() {
+    let mut file = crate::recordings::Recipe::plain().write();
+    let end = file.len();
+    file.extend([b'x'; 100]);
+    file[end - 1] = b'x';
+    let expected = follow(&[(0, file.clone())], || false);
+    assert!(expected.0.iter().any(|event| event.contains("closing magic is missing") && event.contains("length: 108")));
+    for at in [end - 1, end, end + 50] {
+        let growing = [(0, file[..at].to_vec()), (at as u64, file[at..].to_vec())];
+        assert_eq!(follow(&growing, || true).0, expected.0, "{at}");
     }
 }
 

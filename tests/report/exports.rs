@@ -310,6 +310,11 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
     let folder = Folder::with_demo();
     folder.say("annotate demo.mcap -o a.mcap").ok();
     let own = folder.say("export a.mcap --format json").ok().json();
+    folder.write("own.json", own.to_string().as_bytes());
+    let read = folder.say("import own.json").ok().json();
+    for triad in ["accelerometer", "gyroscope"] {
+        assert_eq!(read["imus"][0][triad], own["imus"][0][triad], "its notes and statistics, too");
+    }
     let accel = &own["imus"][0]["accelerometer"];
     for (format, options) in [
         ("yaml", ""),

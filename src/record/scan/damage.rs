@@ -14,8 +14,7 @@ impl Scan {
     /// Handles a record that runs past the end of the recording: it was cut off, or its length is corrupt.
     pub(super) fn cut(&mut self, claimed: u64) -> Result<(), Stop> {
         let Ok(head) = self.horizon.peek(FRAME) else {
-            self.end("the recording ends in the midst of a record: it was cut off");
-            return Ok(());
+            return self.end("the recording ends in the midst of a record: it was cut off");
         };
         let frame =
             Frame { offset: self.horizon.offset(), opcode: head.first().copied().unwrap_or_default(), length: claimed };
@@ -26,9 +25,8 @@ impl Scan {
             // Both lengths agree, so the record was merely cut off.
             (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
             (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
-            (opcode, content) => return self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
+            (opcode, content) => self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
         }
-        Ok(())
     }
 
     pub(super) fn damage(&mut self, offset: u64, length: u64, what: impl Into<String>) {
@@ -48,16 +46,21 @@ impl Scan {
         self.damage(frame.offset, frame.end() - frame.offset, what);
     }
 
-    /// Ends the scan, since nothing can be read from here on.
-    pub(super) fn end(&mut self, what: impl Into<String>) {
+    /// Ends the scan, since nothing can be read from here on. In a growing recording, once it is finished: until then it
+    /// is unknown how much is lost.
+    pub(super) fn end(&mut self, what: impl Into<String>) -> Result<(), Stop> {
+        if !self.horizon.extent().finished {
+            return Err(Stop::Wait);
+        }
         if self.close_chunk(None) {
-            return;
+            return Ok(());
         }
         self.accept_summary();
         let offset = self.horizon.offset();
         self.damage(offset, self.horizon.extent().length.saturating_sub(offset), what);
         self.queue.push_back(Step::End);
         self.stage = Stage::Done;
+        Ok(())
     }
 }
 

@@ -12,19 +12,18 @@ use crate::record::{Channel, Schema};
 impl Scan {
     pub(super) fn summary_record(&mut self, frame: Frame) -> Result<(), Stop> {
         if frame.length > self.limits.record {
-            self.end(format!("a record of {} bytes in the summary (limits.record_mib)", frame.length));
-            return Ok(());
+            return self.end(format!("a record of {} bytes in the summary (limits.record_mib)", frame.length));
         }
         let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
-        self.summary.kept += if is_kept { frame.length + 256 } else { 0 };
+        let kept = self.summary.kept + if is_kept { frame.length + 256 } else { 0 };
         let most = self.limits.definitions.saturating_mul(2);
-        if self.summary.kept > most {
-            self.end(format!(
+        if kept > most {
+            return self.end(format!(
                 "a summary with more than {most} bytes of definitions: it is not used (limits.definitions_mib)"
             ));
-            return Ok(());
         }
         let whole = self.horizon.peek(FRAME + frame.length as usize)?;
+        self.summary.kept = kept;
         let body = whole.get(FRAME..).unwrap_or_default();
         if frame.opcode == op::FOOTER {
             // The CRC covers the footer up to the CRC itself.
@@ -135,7 +134,7 @@ impl Scan {
                 self.stage = Stage::Done;
             }
             Err(stop @ (Stop::Read { .. } | Stop::Wait)) => return Err(stop),
-            Ok(_) | Err(_) => self.end("the closing magic is missing behind the footer"),
+            Ok(_) | Err(_) => return self.end("the closing magic is missing behind the footer"),
         }
         Ok(())
     }

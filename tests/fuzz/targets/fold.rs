@@ -1,12 +1,13 @@
-//! A recording that is annotated still holds the original, byte for byte, and all that is whole in it is found by another
-//! reader, the `mcap` crate, and so are the annotations.
+//! A recording that is annotated still holds the original, byte for byte. Another reader, the `mcap` crate, finds the
+//! annotations in it, and what both found in the original; of a sound original, all that we find.
 
 use std::collections::BTreeMap;
 
 use arbitrary::Unstructured;
 use mcap::MAGIC;
-use mcap::read::{ChunkReader, Summary};
-use mcap::records::Record;
+use mcap::read::Summary;
+use mcap::records::{ChunkIndex, Record};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use stillpoint::record::{
     Annotation, Block, Event, Fold, Inventory, Kind, Original, Piece, Scan, Tail, Topic, recognise,
 };
@@ -21,6 +22,7 @@ pub fn check(bytes: &[u8]) {
     let Ok(file) = made::recording(&mut u) else { return };
     let Ok((messages, inventory)) = scan(&file) else { return };
     let (loose, prefix) = (inventory.has_loose_messages(), inventory.prefix() as usize);
+    let is_sound = inventory.damage() == 0;
     let Some(out) = fold(inventory, &file) else { return };
     assert!(strip(&out) == Some(file), "strip does not give it back");
 
@@ -35,26 +37,33 @@ pub fn check(bytes: &[u8]) {
     appended.sort();
     assert_eq!(appended, annotations);
 
-    // From record to record.
-    match framed(&out, prefix) {
-        Some((framed, chunks)) if !(loose && chunks) => contains(framed, &after, "from record to record"),
-        // A length of the original that is nonsense leads nobody on, in it as in the copy.
-        _ => {}
+    // From record to record. A length of the original that is nonsense leads nobody on, in it as in the copy.
+    let walk = |until: usize| framed(&out[..until], prefix);
+    let (original, copy) = walk(prefix).zip(walk(out.len() - MAGIC.len())).unzip();
+    let (ours, annotations) = after.split_at(messages.len());
+    let wanted = |found: Vec<Flat>| [&common(found, ours), annotations].concat();
+    let original = original.unwrap_or_default();
+    if let Some(copy) = copy
+        && (!loose || copy.in_chunks.is_empty())
+    {
+        let wanted = if is_sound { after.clone() } else { wanted(original.all()) };
+        assert_eq!(common(copy.all(), &wanted), wanted, "from record to record");
     }
     // By the index, which beside messages outside chunks there is none of.
     let summary = Summary::read(&out).expect("a summary that can be read").expect("a summary");
     if !loose {
-        contains(indexed(&out, &summary), &after, "by the index");
+        let wanted = if is_sound { after.clone() } else { wanted(original.in_chunks) };
+        assert_eq!(common(indexed(&out, &summary), &wanted), wanted, "by the index");
     }
 }
 
-fn contains(mut found: Vec<Flat>, wanted: &[Flat], how: &str) {
-    let mut wanted = wanted.to_vec();
-    wanted.sort();
-    found.sort();
-    let mut found = found.iter();
-    let lost = wanted.iter().filter(|message| !found.by_ref().any(|one| one == *message)).count();
-    assert_eq!(lost, 0, "messages that the mcap crate does not find {how}");
+/// Those of the wanted messages that are found, each as often.
+fn common(mut found: Vec<Flat>, wanted: &[Flat]) -> Vec<Flat> {
+    let mut take = |message: &&Flat| {
+        let place = found.iter().position(|one| one == *message);
+        place.map(|place| found.swap_remove(place)).is_some()
+    };
+    wanted.iter().filter(|message| take(message)).cloned().collect()
 }
 
 /// The messages of a recording, and what is in it.
@@ -138,39 +147,88 @@ fn flat(record: &Record<'_>) -> Option<Flat> {
 /// Most bytes that a chunk may claim: that crate makes room for what it is told.
 const ROOM: u64 = 1 << 24;
 
-/// The messages that one finds who goes from record to record through the closing magic, and whether some are in chunks;
-/// `None` if a record of the original's `prefix` leads out of it.
-fn framed(file: &[u8], prefix: usize) -> Option<(Vec<Flat>, bool)> {
-    let (mut messages, mut chunks) = (Vec::new(), false);
-    let mut rest = file.strip_prefix(MAGIC).unwrap();
-    while rest != MAGIC {
-        let at = file.len() - rest.len();
-        let length = u64::from_le_bytes(rest[1..9].try_into().unwrap()) as usize;
-        if at < prefix && length > prefix.checked_sub(at + 9)? {
-            return None;
-        }
-        let content = &rest[9..][..length];
-        match mcap::parse_record(rest[0], content) {
-            Ok(Record::Chunk { header, data }) if header.uncompressed_size < ROOM => {
-                chunks = true;
-                // What is wrong in a chunk of the original is wrong in the copy.
-                let records = ChunkReader::new(header, &data).into_iter().flatten();
-                let records: Result<Vec<_>, _> = records.map(|record| record.map(|record| flat(&record))).collect();
-                messages.extend(records.into_iter().flatten().flatten());
-            }
-            Ok(record) => messages.extend(flat(&record)),
-            Err(_) => {}
-        }
-        rest = &rest[9 + length..];
-    }
-    Some((messages, chunks))
+/// The messages that one finds who goes from record to record.
+#[derive(Default)]
+struct Walk {
+    outside: Vec<Flat>,
+    in_chunks: Vec<Flat>,
 }
 
-/// The messages that the chunk indexes lead to.
+impl Walk {
+    fn all(&self) -> Vec<Flat> {
+        [&self.outside[..], &self.in_chunks].concat()
+    }
+}
+
+/// The messages of all of a file; `None` if a record of the original's `prefix` leads out of it.
+fn framed(file: &[u8], prefix: usize) -> Option<Walk> {
+    let mut walk = Walk::default();
+    let mut rest = file.strip_prefix(MAGIC).unwrap();
+    while !rest.is_empty() {
+        let at = file.len() - rest.len();
+        if at < prefix && prefix - at < 9 {
+            return None;
+        }
+        let length = u64::from_le_bytes(rest[1..9].try_into().unwrap()) as usize;
+        if at < prefix && length > prefix - at - 9 {
+            return None;
+        }
+        let (record, behind) = rest.split_at(9 + length);
+        match mcap::parse_record(record[0], &record[9..]) {
+            // What is wrong in a chunk of the original is wrong in the copy.
+            Ok(Record::Chunk { .. }) => walk.in_chunks.extend(in_chunk(record).into_iter().flatten()),
+            Ok(record) => walk.outside.extend(flat(&record)),
+            Err(_) => {}
+        }
+        rest = behind;
+    }
+    Some(walk)
+}
+
+/// The messages of a chunk, given its whole record; `None` if anything in it is wrong.
+fn in_chunk(record: &[u8]) -> Option<Vec<Flat>> {
+    // That crate counts below zero where a record in an uncompressed chunk is longer than the chunk.
+    if let Record::Chunk { header, data } = mcap::parse_record(record[0], &record[9..]).ok()?
+        && (header.uncompressed_size >= ROOM || header.compression.is_empty() && !are_records(&data))
+    {
+        return None;
+    }
+    let options = LinearReaderOptions::default().with_skip_start_magic(true).with_skip_end_magic(true);
+    let mut reader =
+        LinearReader::new_with_options(options.with_validate_chunk_crcs(true).with_record_length_limit(ROOM as usize));
+    let (mut rest, mut messages) = (record, Vec::new());
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            LinearReadEvent::ReadRequest(length) => {
+                let (read, behind) = rest.split_at(length.min(rest.len()));
+                reader.insert(read.len()).copy_from_slice(read);
+                reader.notify_read(read.len());
+                rest = behind;
+            }
+            LinearReadEvent::Record { data, opcode } => {
+                messages.extend(flat(&mcap::parse_record(opcode, data).ok()?));
+            }
+        }
+    }
+    Some(messages)
+}
+
+/// Whether bytes are records to their end.
+fn are_records(mut bytes: &[u8]) -> bool {
+    while let Some(length) = bytes.get(1..9) {
+        let length = u64::from_le_bytes(length.try_into().unwrap()) as usize;
+        let Some(rest) = bytes[9..].get(length..) else { return false };
+        bytes = rest;
+    }
+    bytes.is_empty()
+}
+
+/// The messages that the chunk indexes lead to, of chunks in which nothing is wrong.
 fn indexed(file: &[u8], summary: &Summary) -> Vec<Flat> {
-    let chunks = summary.chunk_indexes.iter().filter(|index| index.uncompressed_size < ROOM);
-    let messages = chunks.flat_map(|index| summary.stream_chunk(file, index).unwrap());
+    let chunk = |index: &ChunkIndex| &file[index.chunk_start_offset as usize..][..index.chunk_length as usize];
+    let sound = summary.chunk_indexes.iter().filter(|index| in_chunk(chunk(index)).is_some());
+    let messages = sound.flat_map(|index| summary.stream_chunk(file, index).unwrap());
     let flat =
         |message: mcap::Message<'_>| (message.channel.id, message.sequence, message.log_time, message.data.to_vec());
-    messages.map(|message| flat(message.unwrap())).collect()
+    messages.filter_map(|message| message.ok().map(flat)).collect()
 }
