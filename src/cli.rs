@@ -411,6 +411,9 @@ pub struct Merge {
     /// Where to write; - is standard output, as without
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// A page with each sensor's parameters over time, beside what is written otherwise
+    #[arg(long, value_name = "HTML")]
+    pub report: Option<PathBuf>,
     /// Replace an output that exists
     #[arg(long)]
     pub force: bool,

@@ -4,6 +4,7 @@
 //! writes to the terminal.
 
 mod account;
+mod course;
 mod drift;
 mod envelope;
 mod export;
@@ -21,6 +22,7 @@ mod words;
 pub(crate) mod yaml;
 
 pub use account::{Account, Outcome, SHIFTED, SUSPICIOUS, Verdict, Worst, account, verdict_text};
+pub use course::{Course, Curve, Jump};
 pub use drift::{Change, Drift, drift, same};
 pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, RandomWalk, Readings, export};

@@ -1,8 +1,9 @@
 //! `stillpoint merge`: the combined calibration of each sensor from many recordings.
 
 use console::style;
-use stillpoint::merge::{self, Change, History, Merge, Merged, Point};
-use stillpoint::report::{self, Findings};
+use stillpoint::config::Config;
+use stillpoint::merge::{self, History, Merge, Merged, Point};
+use stillpoint::report::{self, Findings, Page, Timeline};
 use stillpoint::run::{self, Gathered, Input, SensorKey, Stop};
 use stillpoint::{Error, printable};
 
@@ -54,6 +55,10 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
         code = code.max(Code::Uncalibrated);
     }
     let read = reads(&inputs, &[&args.configuration.config, &args.convention.in_force, &args.inputs_from]);
+    if let Some(output) = &args.report {
+        write(&page(&merged, inputs.len(), &config), Some(output), args.force, &read)?;
+        tracing::info!("wrote {}", output.display());
+    }
     match args.format {
         Some(format) if format.name == "json" && args.convention.imu.is_none() => {
             write(&format!("{:#}\n", merge::document(&merged)), args.output.as_deref(), args.force, &read)?;
@@ -86,46 +91,26 @@ fn people(merged: &Merged, look: Look) -> String {
         lines.push(format!("{}", style(printable(&merged.key)).for_stderr().bold()));
     }
     lines.push(summary::imu(&merged.findings, None, look));
-    let history = &merged.history;
-    let thinned = if history.is_thinned { ", of more the ones that stand for them" } else { "" };
-    let turns = if history.turns > 0 { format!(", with {} turns between them", history.turns) } else { String::new() };
-    lines.push(format!("  merged   {} rests of {} recordings{turns}{thinned}", history.rests, history.recordings));
-    for (drifts, what) in history.drifts.into_iter().zip(["accelerometer", "gyroscope"]) {
-        if drifts {
-            lines.push(format!(
-                "  drift    the {what} drifts from recording to recording: the numbers are those of the end"
-            ));
-        }
+    let course = merged.history.course();
+    for (line, name) in course.notes.iter().zip(["merged   ", "drift    ", "drift    "]) {
+        lines.push(format!("  {name}{line}"));
     }
-    lines.extend(history.changes.iter().map(change));
-    lines.extend(curve(history, look));
+    lines.extend(course.jumps.iter().map(|jump| {
+        let name = style("change").for_stderr().yellow();
+        format!("  {name}   between {} and {} s, {}", jump.after, jump.before, jump.what)
+    }));
+    lines.extend(curve(&merged.history, look));
     lines.join("\n")
 }
 
-fn change(change: &Change) -> String {
-    let what = match change.kind {
-        merge::ChangeKind::Shock => "a shock",
-        merge::ChangeKind::Replaced => "another sensor or range",
-    };
-    let numbers = |[by, std]: &[[f64; 3]; 2]| {
-        let each = by.iter().zip(std).map(|(by, std)| report::estimate(*by, 1.96 * std));
-        each.collect::<Vec<_>>().join("  ")
-    };
-    let mut text = format!(
-        "  {}   between {} and {} s ({:.0} σ), {what}: bias {} m/s²",
-        style("change").for_stderr().yellow(),
-        change.after,
-        change.before,
-        change.score,
-        numbers(&change.bias)
-    );
-    if change.kind == merge::ChangeKind::Replaced {
-        text += &format!(", scale {}", numbers(&change.scale));
-    }
-    if let Some(gyro) = &change.gyro_bias {
-        text += &format!(", gyroscope {} rad/s", numbers(gyro));
-    }
-    text
+/// A page with the course of each sensor.
+fn page(merged: &[Merged], inputs: usize, config: &Config) -> String {
+    let timeline =
+        |merged: &Merged| Timeline { course: Some(merged.history.course()), ..Timeline::new(merged.findings.clone()) };
+    let timelines: Vec<_> = merged.iter().map(timeline).collect();
+    let recording = format!("{inputs} recordings");
+    Page { recording: &recording, timelines: &timelines, notes: &[], settings: &config.canonical(), earlier: None }
+        .html()
 }
 
 /// The parameters over time: evenly chosen recordings, about as many as fit a terminal.

@@ -5,6 +5,7 @@
 
 mod account;
 mod calendar;
+mod course;
 mod elements;
 mod faces;
 mod history;
@@ -12,6 +13,7 @@ mod imu;
 mod log;
 mod numbers;
 mod paste;
+mod residuals;
 mod rests;
 mod signal;
 mod summary;
@@ -98,14 +100,18 @@ impl Page<'_> {
 
     fn imu(&self, timeline: &Timeline) -> Markup {
         let imu = Imu::new(timeline);
+        // Of many recordings there are no readings, and no one command.
+        let is_one = timeline.course.is_none();
         let sections = [
             Some(summary::section(&imu)),
-            signal::acceleration(&imu),
+            course::course(&imu),
+            is_one.then(|| signal::acceleration(&imu)).flatten(),
             faces::section(&imu),
             Some(numbers::section(&imu, self.earlier)),
             self.earlier.map(|earlier| account::section(&imu, earlier)),
-            paste::section(&imu, self.recording),
-            rests::residuals(&imu),
+            paste::section(&imu, is_one.then_some(self.recording)),
+            residuals::at_rest(&imu),
+            residuals::of_turns(&imu),
             temperature::section(&imu),
             history::section(&imu),
             signal::statistic(&imu),

@@ -180,7 +180,7 @@ impl Plot {
         let ys: Vec<_> = ys.filter(on_canvas).collect();
         let (ticks, axis) = match x {
             Along::Clock => (self.x.clock(), "time since the first reading, min:s"),
-            Along::Names(names) => (names.to_vec(), "rest"),
+            Along::Names(names, unit) => (names.to_vec(), unit),
             Along::Values(unit) => (self.x.ticks(), unit),
         };
         let xs = ticks.into_iter().map(|(value, name)| (self.px(value), name));
@@ -210,8 +210,8 @@ impl Plot {
 pub(super) enum Along<'a> {
     /// Seconds as minutes and hours.
     Clock,
-    /// Values and their names.
-    Names(&'a [(f64, String)]),
+    /// Values with their names, which are names of this.
+    Names(&'a [(f64, String)], &'a str),
     /// Round values in this unit.
     Values(&'a str),
 }

@@ -1,6 +1,6 @@
 //! Timeline of one IMU during a recording, the data of a report, in memory that does not grow with the samples.
 
-use super::{Envelope, Findings};
+use super::{Course, Envelope, Findings};
 use crate::Stamp;
 use crate::engine::{Event, Message};
 use crate::imu::{Sample, Sensor};
@@ -16,6 +16,8 @@ const LINES: usize = 200;
 pub struct Timeline {
     /// The last state of all findings.
     pub findings: Findings,
+    /// Course of the parameters, if the findings are those of many recordings; there are no readings then.
+    pub course: Option<Course>,
     /// Readings of the accelerometer, m/s²; empty beside a sidecar.
     pub acceleration: Envelope<3>,
     /// Readings of the gyroscope, rad/s.

@@ -3,7 +3,8 @@
 use serde_json::Value;
 use stillpoint::simulate::{Scenario, record};
 
-use crate::common::Folder;
+use crate::common::page::check;
+use crate::common::{Folder, program};
 
 /// A folder with three recordings of one sensor, of two faces each, a day apart.
 fn faces() -> Folder {
@@ -46,7 +47,14 @@ fn recordings_none_of_which_suffices_are_a_calibration_together() {
     }
     let people = folder.say("merge 0.mcap 1.mcap 2.mcap").ok().stdout;
     assert!(people.contains(" rests of 3 recordings") && people.contains("over time"), "{people}");
-    folder.say("merge 0.mcap 1.mcap 2.mcap --format kalibr -o imu.yaml").ok();
+    folder.say("merge 0.mcap 1.mcap 2.mcap --format kalibr -o imu.yaml --report page.html").ok();
+    let page = String::from_utf8(folder.read("page.html")).unwrap();
+    check(&page);
+    let course = page.split("<h3>Over the recordings</h3>").nth(1).unwrap().split("</section>").next().unwrap();
+    assert!(course.contains(" rests of 3 recordings") && course.contains("Accelerometer bias, m/s²: x"), "{course}");
+    assert_eq!(course.matches("<figure").count(), 9, "{course}");
+    assert!(!page.contains("as recorded") && !page.contains("stillpoint export"), "no readings, no one command");
+    folder.refuses("merge 0.mcap 1.mcap --report 1.mcap --force", 1, &["1.mcap"]);
     assert!(String::from_utf8(folder.read("imu.yaml")).unwrap().contains("accelerometers"));
     // What tells sensors apart.
     let two = folder.say("merge 0.mcap 1.mcap --by topic,frame-id --json").ok().json();
@@ -148,7 +156,7 @@ fn parts_of_a_list_are_worked_on_once_each_and_the_same_part_twice_at_once_does_
     assert_eq!(names("parts"), ["0.annotated.mcap", "2.annotated.mcap"]);
     // As a task of a job, which starts the same part a second time.
     let task = || {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_stillpoint"));
+        let mut command = std::process::Command::new(program());
         command.args("annotate --inputs-from list --shard auto/2 --out-dir parts".split(' '));
         command.env("JOB_COMPLETION_INDEX", "1").current_dir(folder.path());
         command.stderr(std::process::Stdio::piped()).spawn().unwrap()

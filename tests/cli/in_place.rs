@@ -10,9 +10,8 @@ use std::time::Duration;
 use rand::RngExt as _;
 
 use crate::common::needs::{needed, randomness};
-use crate::common::{Folder, Run, finish};
+use crate::common::{Folder, Run, finish, program};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_stillpoint");
 const BACKUP: &str = "x.mcap.stillpoint-backup";
 /// A configuration of its own, so that the second annotation differs from the first.
 const OTHER: &str = "fit.gravity=9.8";
@@ -65,7 +64,7 @@ impl Case {
     }
 
     fn command() -> String {
-        format!("{PROGRAM} annotate --in-place x.mcap -q --set {OTHER}")
+        format!("{} annotate --in-place x.mcap -q --set {OTHER}", program())
     }
 }
 
@@ -180,7 +179,7 @@ fn killed_at_any_instant_the_file_is_the_original_or_the_result() {
         for n in 0..100 {
             case.reset();
             let arguments = ["annotate", "--in-place", "x.mcap", "-q", "--set", OTHER];
-            let mut child = Command::new(PROGRAM)
+            let mut child = Command::new(program())
                 .args(arguments)
                 .current_dir(case.folder.path())
                 .stdin(Stdio::null())
@@ -280,7 +279,7 @@ fn fill(disk: &Path) {
         let length = writer.metadata().unwrap().len();
         writer.set_len(length - 4096 * free as u64).unwrap();
         let arguments = ["annotate", "--in-place", "x.mcap", "-q", "--set", OTHER];
-        let run = finish(Command::new(PROGRAM).args(arguments).current_dir(disk));
+        let run = finish(Command::new(program()).args(arguments).current_dir(disk));
         let now = fs::read(&file).unwrap();
         assert!(now == if run.code == 0 { &case.after } else { &case.before }[..], "{free} free: {}", run.stderr);
         assert!(run.code == 0 || run.error().contains("no space left"), "{free} free: {}", run.stderr);

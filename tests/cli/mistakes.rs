@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use crate::common::{Folder, finish};
+use crate::common::{Folder, finish, program};
 
 #[test]
 fn all_files_of_a_folder_are_annotated_again_and_the_new_ones_done() {
@@ -78,7 +78,7 @@ fn pipes_carry_text_and_no_recordings() {
     }
     let exported = folder.say("export demo.mcap --format json -o demo.json").ok();
     assert_eq!(exported.stdout, "");
-    let program = env!("CARGO_BIN_EXE_stillpoint");
+    let program = program();
     let script =
         format!("{program} import - < demo.json && {program} annotate demo.mcap -q --json --against - < demo.json");
     let run = finish(Command::new("bash").args(["-c", &script]).current_dir(folder.path())).ok();
@@ -227,7 +227,7 @@ fn what_an_imported_calibration_does_not_say_is_null() {
 #[test]
 fn standard_input_that_is_no_calibration_is_refused() {
     let folder = Folder::new();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
+    let mut command = Command::new(program());
     let output = command.args(["import", "-"]).current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: -: is no calibration"));

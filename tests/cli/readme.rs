@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::needs::root;
-use crate::common::{Folder, finish};
+use crate::common::{Folder, finish, program};
 
 /// Commands that build the program or run this very test, as a reader types them; `.ci/run` runs the second.
 const BUILDING: [&str; 2] = ["cargo install --locked --path .", "cargo test"];
@@ -28,8 +28,7 @@ fn every_command_works_in_the_order_of_the_text() {
         let file = file.unwrap();
         std::fs::copy(file.path(), folder.path().join("testdata").join(file.file_name())).unwrap();
     }
-    let program = Path::new(env!("CARGO_BIN_EXE_stillpoint"));
-    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap());
+    let path = format!("{}:{}", Path::new(&program()).parent().unwrap().display(), std::env::var("PATH").unwrap());
 
     let mut ran = Vec::new();
     for command in blocks(&text, "sh").iter().flat_map(|block| block.lines()) {

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use crate::common::needs::needed;
-use crate::common::{Folder, finish};
+use crate::common::{Folder, finish, program};
 use stillpoint::simulate::Scenario;
 
 #[test]
@@ -122,8 +122,8 @@ fn no_permission_is_said() {
     let works = !is_root || Command::new("setpriv").args(limits).arg("true").status().is_ok_and(|s| s.success());
     let Some(()) = needed(works.then_some(()), "setpriv, by which root gives up its rights") else { return };
     let refuses = |line: &str, words: &str| {
-        let program = env!("CARGO_BIN_EXE_stillpoint");
-        let mut command = if is_root { Command::new("setpriv") } else { Command::new(program) };
+        let program = program();
+        let mut command = if is_root { Command::new("setpriv") } else { Command::new(&program) };
         if is_root {
             command.args(limits).arg(program);
         }
@@ -139,7 +139,7 @@ fn no_permission_is_said() {
 #[test]
 fn a_write_that_fails_half_way_leaves_nothing_behind() {
     let folder = Folder::with_demo();
-    let program = env!("CARGO_BIN_EXE_stillpoint");
+    let program = program();
     for verb in ["annotate demo.mcap -o out.mcap", "simulate demo -o out.mcap"] {
         // A limit of 64 blocks of 512 bytes; the signal that comes with it is to be ignored, as a full disk has none.
         let script = format!("trap '' XFSZ; ulimit -f 64; exec {program} {verb}");

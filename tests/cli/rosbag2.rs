@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::common::needs::recording;
-use crate::common::{Folder, Run, bag_metadata, finish, same_folders};
+use crate::common::{Folder, Run, bag_metadata, finish, program, same_folders};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use serde_json::{Value, json};
@@ -164,7 +164,7 @@ fn a_folder_may_have_more_files_than_a_process_may_open_at_first() {
     let names: Vec<String> = (0..FILES).map(|n| format!("bag_{n}.mcap")).collect();
     names.iter().zip(&files).for_each(|(name, file)| folder.write(&format!("bag/{name}"), file));
     folder.write("bag/metadata.yaml", bag_metadata(&names).as_bytes());
-    let program = env!("CARGO_BIN_EXE_stillpoint");
+    let program = program();
     let script = format!("ulimit -Sn {FILES}; exec {program} annotate bag --set output.corrected=final");
     finish(std::process::Command::new("bash").args(["-c", &script]).current_dir(folder.path())).ok();
 }

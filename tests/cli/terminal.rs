@@ -6,13 +6,13 @@ use console::{measure_text_width, strip_ansi_codes};
 use stillpoint::simulate::Scenario;
 
 use crate::common::needs::needed;
-use crate::common::{Folder, Run, finish};
+use crate::common::{Folder, Run, finish, program};
 
 /// Runs a command line on a terminal of so many columns. `None` without `script`, which makes one.
 fn on_terminal(folder: &Folder, columns: usize, line: &str) -> Option<Run> {
     let works = Command::new("script").arg("--version").output().is_ok_and(|output| output.status.success());
     needed(works.then_some(()), "script (util-linux), which makes a terminal")?;
-    let command = line.replace("stillpoint ", concat!(env!("CARGO_BIN_EXE_stillpoint"), " "));
+    let command = line.replace("stillpoint ", &format!("{} ", program()));
     let command = format!("stty cols {columns} rows 40; {command}");
     let mut script = Command::new("script");
     script.args(["-q", "-e", "-c", &command, "/dev/null"]).env("TERM", "xterm-256color").current_dir(folder.path());

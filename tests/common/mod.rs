@@ -15,6 +15,11 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 use stillpoint::simulate::{Scenario, record};
 
+/// The program that is tried: the one that is built with the tests, or another that `STILLPOINT_PROGRAM` names.
+pub fn program() -> String {
+    std::env::var("STILLPOINT_PROGRAM").unwrap_or_else(|_| env!("CARGO_BIN_EXE_stillpoint").to_owned())
+}
+
 /// What a run of the program came to.
 pub struct Run {
     pub code: i32,
@@ -85,7 +90,7 @@ impl Folder {
 
     /// Runs the program here.
     pub fn run<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Run {
-        finish(Command::new(env!("CARGO_BIN_EXE_stillpoint")).args(arguments).current_dir(self.path()))
+        finish(Command::new(program()).args(arguments).current_dir(self.path()))
     }
 
     /// Runs the program with arguments that stand in one line, apart by blanks.

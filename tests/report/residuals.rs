@@ -1,4 +1,4 @@
-//! What remains of ‖a‖ − g at rest, on the page, of every accelerometer.
+//! What remains of ‖a‖ − g and ‖ω‖ at rest, and of the turns, on the page.
 
 use crate::common::page::check;
 use stillpoint::Stamp;
@@ -76,5 +76,25 @@ fn each_accelerometer_shows_what_remains_before_and_after_its_own_correction() {
 #[test]
 fn the_rates_of_a_gyroscope_are_no_residual_of_gravity() {
     let html = page(&[("accelerometer", 0.5, Some(0.5)), ("gyroscope", 0.0, None)]);
-    assert_eq!(plots(&html).len(), 2, "{html}");
+    assert_eq!(
+        plots(&html)[2..],
+        [("Gyroscope, before: ‖ω‖ of the mean reading, rad/s", "rest 1 (+Z) +9.80000 rad/s")]
+    );
+}
+
+#[test]
+fn the_demo_shows_what_its_gyroscope_and_its_turns_leave() {
+    let folder = crate::common::Folder::with_demo();
+    folder.say("annotate demo.mcap -o a.mcap").ok();
+    folder.say("report a.mcap -o a.html").ok();
+    let html = String::from_utf8(folder.read("a.html")).unwrap();
+    check(&html);
+    let rate = |caption: &str| -> f64 {
+        let (_, dot) = plots(&html).into_iter().find(|(found, _)| found.starts_with(caption)).unwrap();
+        dot.split_whitespace().rev().nth(1).unwrap().parse().unwrap()
+    };
+    let (before, after) = (rate("Gyroscope, before"), rate("Gyroscope, after"));
+    assert!((before - 0.0136).abs() < 0.0005 && after < 0.0005, "{before} {after}");
+    let turns = html.split("<h3>What remains of the turns</h3>").nth(1).unwrap().split("</section>").next().unwrap();
+    assert!(turns.contains("Gravity missed after each turn, degrees") && turns.contains("turn 1 by "), "{turns}");
 }

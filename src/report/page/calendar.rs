@@ -12,6 +12,14 @@ pub(super) fn duration(seconds: f64) -> String {
     }
 }
 
+/// Day of a stamp; for clocks that do not count from 1970, in days since their beginning.
+pub(super) fn day(stamp: Stamp) -> String {
+    match date(stamp).split_once(' ') {
+        Some((day, _)) => day.to_owned(),
+        None => format!("day {:.1}", stamp.nanos() as f64 * 1e-9 / 86_400.0),
+    }
+}
+
 /// Date of the Gregorian calendar and time in UTC; empty for clocks that do not count from 1970. Days to dates by
 /// Hinnant's `civil_from_days`, in years that begin in March.
 pub(super) fn date(stamp: Stamp) -> String {
@@ -43,5 +51,7 @@ mod tests {
         assert_eq!(day(4_107_542_399), "2100-02-28 23:59 UTC · ");
         assert_eq!(day(4_107_542_400), "2100-03-01 00:00 UTC · ");
         assert_eq!(day(5), "");
+        assert_eq!(super::day(Stamp::from_nanos(951_782_400_000_000_000)), "2000-02-29");
+        assert_eq!(super::day(Stamp::from_nanos(129_600_000_000_000)), "day 1.5");
     }
 }

@@ -30,6 +30,12 @@ pub(super) fn axes() -> Markup {
     html! { th {} th.n { "x" } th.n { "y" } th.n { "z" } }
 }
 
+/// How many there are beyond those listed.
+pub(super) fn more(count: usize, listed: usize) -> Markup {
+    let further = count.saturating_sub(listed);
+    html! { @if further > 0 { p.dim { "… and " (further) " more." } } }
+}
+
 /// A name that breaks only between its parts.
 pub(super) fn breakable(name: &str) -> Markup {
     html! {

@@ -34,12 +34,12 @@ pub(super) struct Rest<'a> {
     pub(super) up: Option<Vector3<f64>>,
 }
 
-/// ‖a‖ − g of an accelerometer's mean reading during a rest, m/s².
+/// Error of a sensor's mean reading during a rest: ‖a‖ − g of an accelerometer, m/s², ‖ω‖ of a gyroscope, rad/s.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Residual {
     /// Before correction.
     pub(super) raw: Option<f64>,
-    /// After correction, if the accelerometer is calibrated.
+    /// After correction, if the sensor is calibrated.
     pub(super) corrected: Option<f64>,
 }
 
@@ -86,6 +86,17 @@ impl<'a> Imu<'a> {
             }
         }
         sensors
+    }
+
+    /// Lengths ‖ω‖ of the gyroscope's mean rate, rest by rest, rad/s.
+    pub(super) fn rates_at_rest(&self) -> Vec<Residual> {
+        let triad = self.findings.calibration.as_ref().and_then(|found| found.gyroscope.as_ref());
+        let known = triad.and_then(Known::of);
+        let of = |rest: &Rest<'_>| {
+            let (raw, corrected) = mean(rest.segment, "gyroscope", known.as_ref());
+            Residual { raw: raw.map(|rate| rate.norm()), corrected: corrected.map(|rate| rate.norm()) }
+        };
+        self.rests.iter().map(of).collect()
     }
 
     /// Residuals of a secondary accelerometer, rest by rest.

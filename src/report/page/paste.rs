@@ -11,7 +11,8 @@ use crate::messages::Triad;
 use crate::printable_json;
 use crate::report::{calibration, matrix, model, row_major, yaml};
 
-pub(super) fn section(imu: &Imu<'_>, recording: &str) -> Option<Markup> {
+/// Numbers and, of one recording, commands; `None` if no triad is determined.
+pub(super) fn section(imu: &Imu<'_>, recording: Option<&str>) -> Option<Markup> {
     let triads: Vec<_> = imu.findings.triads().filter_map(|triad| Some((triad, numbers(triad)?))).collect();
     if triads.is_empty() {
         return None;
@@ -22,16 +23,19 @@ pub(super) fn section(imu: &Imu<'_>, recording: &str) -> Option<Markup> {
         ("direction".to_owned(), json!("measured = bias + sensitivity * true")),
     ];
     let value = Value::Object(head.into_iter().chain(fields).collect());
-    let name = quoted(recording);
-    let commands = format!(
-        "stillpoint export {name} --format kalibr -o imu-kalibr.yaml\nstillpoint annotate {name} -o corrected.mcap --set output.corrected=final\n"
-    );
+    let commands = recording.map(quoted).map(|name| {
+        format!(
+            "stillpoint export {name} --format kalibr -o imu-kalibr.yaml\nstillpoint annotate {name} -o corrected.mcap --set output.corrected=final\n"
+        )
+    });
     // Hidden characters are escaped as these languages do, so that they are read back as what they were.
     let content = html! {
         (block("JSON", &printable_json(&(pretty(&value, 0) + "\n"))))
         (block("YAML", &printable_json(&yaml::document(&value))))
         (block("numpy", &numpy(&triads)))
-        (block("Commands: a file for Kalibr, and the recording with corrected messages", &commands))
+        @if let Some(commands) = &commands {
+            (block("Commands: a file for Kalibr, and the recording with corrected messages", commands))
+        }
     };
     Some(elements::section("To paste", content))
 }

@@ -1,71 +1,17 @@
-//! The rests one by one: residuals of ‖a‖ − g, reasons of rejection, and a table of all.
+//! The rests one by one: reasons of rejection, spans that were nearly rests, and a table of all.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use maud::{Markup, html};
 
-use super::elements::{section, table};
-use super::imu::{Imu, Residual, Rest};
-use super::signal;
+use super::elements::{more, section, table};
+use super::imu::{Imu, Rest};
 use crate::Stamp;
 use crate::report::NearMiss;
-use crate::report::plot::{Along, Plot, Scale, moment};
+use crate::report::plot::moment;
 
-/// Most secondary accelerometers whose residuals are drawn.
-const DRAWN_SENSORS: usize = 8;
-/// Most rests that are drawn, and most that are listed.
-const DRAWN: usize = 600;
+/// Most rests that are listed.
 const LISTED: usize = 200;
-
-/// Plots of ‖a‖ − g of each rest, before and after correction, accelerometer by accelerometer.
-pub(super) fn residuals(imu: &Imu<'_>) -> Option<Markup> {
-    let primary: Vec<_> = imu.rests.iter().map(|rest| rest.residual).collect();
-    let primary = pair(imu, &primary, ["Before: ‖a‖ − g of the mean reading, m/s²", "After correction, m/s²"]);
-    let sensors = imu.sensors().into_iter().filter(|sensor| !matches!(*sensor, "accelerometer" | "gyroscope"));
-    let secondary = sensors.take(DRAWN_SENSORS).filter_map(|sensor| {
-        let captions = ["before: ‖a‖ − g of the mean reading, m/s²", "after correction, m/s²"];
-        let captions = captions.map(|caption| format!("{sensor}, {caption}"));
-        pair(imu, &imu.residuals_of(sensor), captions.each_ref().map(String::as_str))
-    });
-    let pairs: Vec<_> = primary.into_iter().chain(secondary).collect();
-    let content = html! {
-        p.dim { "One dot a rest, in the colour of its face; small grey ones were rejected. At rest, ‖a‖ is g." }
-        @for pair in &pairs { (pair) }
-    };
-    (!pairs.is_empty()).then(|| section("What remains at rest", content))
-}
-
-/// Plots of the residuals of one accelerometer, before and after correction.
-fn pair(imu: &Imu<'_>, residuals: &[Residual], captions: [&str; 2]) -> Option<Markup> {
-    let [before, after] = captions;
-    let before = residual(imu, before, residuals.iter().map(|residual| residual.raw));
-    let after = residual(imu, after, residuals.iter().map(|residual| residual.corrected));
-    let plots: Vec<_> = before.into_iter().chain(after).collect();
-    (!plots.is_empty()).then(|| html! { div.two { @for plot in &plots { (plot) } } })
-}
-
-fn residual(imu: &Imu<'_>, caption: &str, values: impl Iterator<Item = Option<f64>>) -> Option<Markup> {
-    let known: Vec<_> = imu.rests.iter().zip(values).filter_map(|(rest, value)| Some((rest, value?))).collect();
-    if known.is_empty() {
-        return None;
-    }
-    // A rejected rest may be anywhere; accepted ones set the scale.
-    let largest = |known: &mut dyn Iterator<Item = &(&Rest<'_>, f64)>| known.map(|(_, v)| v.abs()).fold(0.0, f64::max);
-    let scale = largest(&mut known.iter().filter(|(rest, _)| rest.segment.accepted));
-    let scale = if scale > 0.0 { scale } else { largest(&mut known.iter()) };
-    let count = imu.rests.len() as f64;
-    let mut plot = Plot::new(Scale::linear(0.4, count + 0.6, 0.0), Scale::linear(-scale, scale, 0.15));
-    plot.rule(0.0, "zero", "");
-    let step = imu.rests.len().div_ceil(DRAWN).max(1);
-    for (rest, value) in known.iter().step_by(step) {
-        let class = signal::class(rest);
-        let face = if rest.segment.face.is_empty() { "no face" } else { &rest.segment.face };
-        plot.dot(rest.number as f64, *value, &class, &format!("rest {} ({face}) {value:+.4} m/s²", rest.number));
-    }
-    let every = (imu.rests.len() / 8).max(1);
-    let names: Vec<_> = (1..=imu.rests.len()).step_by(every).map(|n| (n as f64, n.to_string())).collect();
-    Some(plot.figure("", caption, Along::Names(&names)))
-}
 
 /// Table of rejected rests with their reasons.
 pub(super) fn rejected(imu: &Imu<'_>) -> Option<Markup> {
@@ -150,10 +96,4 @@ pub(super) fn accepted(imu: &Imu<'_>) -> Option<Markup> {
             (more(accepted.len(), LISTED))
         }
     })
-}
-
-/// How many there are beyond those listed.
-fn more(count: usize, listed: usize) -> Markup {
-    let further = count.saturating_sub(listed);
-    html! { @if further > 0 { p.dim { "… and " (further) " more." } } }
 }

@@ -1,0 +1,53 @@
+//! History of a sensor in words and curves, for people.
+
+use super::history::{Change, ChangeKind, History, Point};
+use crate::report::{Course, Curve, Jump, estimate};
+
+impl History {
+    /// Course of the parameters, for a page or a terminal.
+    pub fn course(&self) -> Course {
+        let curve = |caption, of: &dyn Fn(&Point) -> Option<[[f64; 3]; 2]>| {
+            let point = |point: &Point| of(point).map(|[value, std]| (point.time, value, std));
+            Curve { caption, points: self.curve.iter().filter_map(point).collect() }
+        };
+        Course {
+            notes: self.notes(),
+            jumps: self.changes.iter().map(jump).collect(),
+            curves: vec![
+                curve("Accelerometer bias, m/s²", &|point| Some(point.bias)),
+                curve("Accelerometer scale", &|point| Some(point.scale)),
+                curve("Gyroscope bias, rad/s", &|point| point.gyro_bias),
+            ],
+        }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let thinned = if self.is_thinned { ", of more the ones that stand for them" } else { "" };
+        let turns = if self.turns > 0 { format!(", with {} turns between them", self.turns) } else { String::new() };
+        let merged = format!("{} rests of {} recordings{turns}{thinned}", self.rests, self.recordings);
+        let drifting = self.drifts.into_iter().zip(["accelerometer", "gyroscope"]).filter(|(drifts, _)| *drifts);
+        let drifts = drifting.map(|(_, what)| {
+            format!("the {what} drifts from recording to recording: the numbers are those of the end")
+        });
+        std::iter::once(merged).chain(drifts).collect()
+    }
+}
+
+fn jump(change: &Change) -> Jump {
+    let what = match change.kind {
+        ChangeKind::Shock => "a shock",
+        ChangeKind::Replaced => "another sensor or range",
+    };
+    let numbers = |[by, std]: &[[f64; 3]; 2]| {
+        let each = by.iter().zip(std).map(|(by, std)| estimate(*by, 1.96 * std));
+        each.collect::<Vec<_>>().join("  ")
+    };
+    let mut what = format!("{what} ({:.0} σ): bias {} m/s²", change.score, numbers(&change.bias));
+    if change.kind == ChangeKind::Replaced {
+        what += &format!(", scale {}", numbers(&change.scale));
+    }
+    if let Some(gyro) = &change.gyro_bias {
+        what += &format!(", gyroscope {} rad/s", numbers(gyro));
+    }
+    Jump { after: change.after, before: change.before, what }
+}
