@@ -35,7 +35,7 @@ fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
         let progress = Progress::new(&recording, stop);
         run::channels(&recording, &config, &|done| progress.watch(done))?
     };
-    let imus: Vec<_> = channels.channels.iter().flat_map(imus).collect();
+    let imus: Vec<_> = channels.channels.iter().flat_map(|used| imus(used, &channels.channels)).collect();
     if imus.is_empty() {
         return Err(Error::input(&args.input, "no usable IMU topic; see stillpoint topics"));
     }
@@ -43,17 +43,23 @@ fn layout(args: &cli::Layout, stop: &Stop) -> Result<(), Error> {
     write(&format!("{:#}\n", report::layout(&imus)), args.output.as_deref(), args.force, &reads)
 }
 
-/// The IMUs whose accelerometer is read from a channel, each with the message paths of its axes.
-fn imus(used: &run::Use) -> Vec<LayoutImu> {
+/// The IMUs whose accelerometer is read from a channel, each with the message paths of its axes. Corrected messages are
+/// left out where the recording was annotated without.
+fn imus(used: &run::Use, all: &[run::Use]) -> Vec<LayoutImu> {
     let ChannelRole::Used(uses) = &used.verdict else { return Vec::new() };
     let accelerometers = uses.iter().filter(|part| part.sensor == Sensor::Accelerometer);
     accelerometers
         .map(|part| {
             let at = |topic: &str| part.axes.clone().map(|axis| format!("{}.{axis}", report::quoted(topic)));
+            let has = |kind| {
+                let topic = topic::of(&part.imu, kind);
+                all.iter().any(|other| other.channel.topic == topic)
+            };
+            let may_be_corrected = has(topic::Kind::Corrected) || !has(topic::Kind::Stillness);
             LayoutImu {
                 name: part.imu.clone(),
                 acceleration: at(&used.channel.topic),
-                corrected: at(&topic::of(&part.imu, topic::Kind::Corrected)),
+                corrected: may_be_corrected.then(|| at(&topic::of(&part.imu, topic::Kind::Corrected))),
                 frame_id: String::new(),
                 is_stamped: used.stamped.samples,
                 are_readings_stamped: used.stamped.messages,

@@ -1,5 +1,5 @@
 //! Layout for Foxglove and Lichtblick, for the topics of a recording: the readings, the rest state, the faces, the
-//! calibration with its intervals, gravity in the sensor's frame, diagnostics, and the log.
+//! calibration with its intervals, which way was up in the sensor's frame, diagnostics, and the log.
 //!
 //! Scripts in the layout derive what no panel can: interval ends, a scene of directions, and diagnostics, which a
 //! recording does not contain.
@@ -15,8 +15,8 @@ pub struct LayoutImu {
     pub name: String,
     /// Message paths of the three axes of its accelerometer.
     pub acceleration: [String; 3],
-    /// The same paths within a corrected message.
-    pub corrected: [String; 3],
+    /// The same paths within a corrected message, where there are or may be such.
+    pub corrected: Option<[String; 3]>,
     /// Frame of its readings.
     pub frame_id: String,
     /// Whether its annotations are plotted by their stamps. While a recording is followed, viewers otherwise know only
@@ -93,7 +93,8 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
     let reading = |path: &str, label: &str, colour| line(path, label, colour, imu.are_readings_stamped);
     let learned = |path: &str, label: &str, colour: &str| line(path, label, colour, imu.is_stamped);
     let raw = (0..3).map(|a| reading(&imu.acceleration[a], AXES[a], COLOURS[a]));
-    let corrected = (0..3).map(|a| reading(&imu.corrected[a], &format!("{} corrected", AXES[a]), COLOURS[a]));
+    let paths = imu.corrected.iter().flatten().enumerate();
+    let corrected = paths.map(|(a, path)| reading(path, &format!("{} corrected", AXES[a]), COLOURS[a]));
     let acceleration = put("Plot", "acceleration", plot("Acceleration, m/s²", 170, raw.chain(corrected)));
     let rest = put(
         "StateTransitions",
@@ -157,11 +158,11 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         "3D",
         "gravity",
         json!({
-            "foxglovePanelTitle": "Gravity in the sensor's frame",
+            "foxglovePanelTitle": "Up at each rest, in the sensor's frame",
             "followTf": frame(imu),
             "followMode": "follow-pose",
             "cameraState": {
-                "perspective": true, "distance": 3.2, "phi": 60, "thetaOffset": 45, "targetOffset": [0, 0, 0], "target": [0, 0, 0],
+                "perspective": true, "distance": 3.7, "phi": 60, "thetaOffset": 45, "targetOffset": [0, 0, 0], "target": [0, 0, 0],
                 "targetOrientation": [0, 0, 0, 1], "fovy": 45, "near": 0.05, "far": 100,
             },
             "topics": {gravity: {"visible": true}},
@@ -169,9 +170,9 @@ fn tab(i: usize, imu: &LayoutImu, panels: &mut Map<String, Value>, scripts: &mut
         }),
     );
     let intervals = stack(&[(bias, 50.0), (scale, 100.0)], "row");
-    let left = stack(&[(acceleration, 25.0), (rest, 38.0), (statistic, 35.0), (intervals, 100.0)], "column");
+    let left = stack(&[(acceleration, 25.0), (rest, 41.0), (statistic, 35.0), (intervals, 100.0)], "column");
     let details = stack(&[(calibration, 54.0), (faces, 100.0)], "row");
-    let right = stack(&[(summary, 15.0), (details, 48.0), (scene, 60.0), (log, 100.0)], "column");
+    let right = stack(&[(summary, 15.0), (details, 57.0), (scene, 55.0), (log, 100.0)], "column");
     stack(&[(left, 61.0), (right, 100.0)], "row")
 }
 

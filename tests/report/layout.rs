@@ -121,6 +121,12 @@ fn every_panel_is_placed_once_and_shows_what_the_recording_holds() {
             assert_eq!(panels["3D!gravity0"]["topics"][unused]["visible"], true, "{unused} is not shown");
         }
     }
+    folder.say("annotate demo.mcap -o plain.mcap").ok();
+    let layout = folder.say("config layout plain.mcap").ok().json();
+    let mut shown = BTreeSet::new();
+    paths(&layout["configById"], &mut shown);
+    assert!(shown.contains("/imu/data_raw.linear_acceleration.x"), "{shown:?}");
+    assert!(!shown.iter().any(|path| path.contains("corrected")), "corrected messages that are not there: {shown:?}");
     folder.say("config layout demo.mcap -o layout.json").ok();
     folder.say("config layout demo.mcap -o layout.json").ok();
     folder.write("layout.json", b"{}");

@@ -67,11 +67,12 @@ export default function script(
   } else {
     const triad = message.accelerometer;
     status = triad?.status ?? 0;
+    const rests = Number(message.segments) === 1 ? "rest" : "rests";
     calibrationValues = [
-      ["revision", `${message.revision}, from ${message.segments} rests`],
+      ["revision", `${message.revision}, from ${message.segments} ${rests}`],
       ...vector("bias, m/s²", triad?.bias, triad?.bias_std),
       ...vector("scale", triad?.scale, triad?.scale_std),
-      ...vector("rate, rad/s", message.gyroscope?.bias, message.gyroscope?.bias_std, 5),
+      ...vector("bias, rad/s", message.gyroscope?.bias, message.gyroscope?.bias_std, 5),
     ];
   }
   const known = ["", "provisional: ", "confirmed: "][status] ?? "";

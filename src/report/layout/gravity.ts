@@ -1,4 +1,4 @@
-// Where gravity pointed in the sensor's frame during each rest, one unit a g, and the faces: full ones were seen.
+// Which way was up in the sensor's frame during each rest, one unit a g, and the faces: full ones were seen.
 // Made by stillpoint config layout.
 import { SceneUpdate } from "@foxglove/schemas";
 import { Input } from "./types";
@@ -60,9 +60,11 @@ export default function script(
     const pose = { position: face.normal, orientation: point.orientation };
     const color = face.placements > 0 ? seen : missing;
     faces.spheres.push({ pose, size: { x: 0.16, y: 0.16, z: 0.16 }, color });
-    const above = { x: face.normal.x * 1.2, y: face.normal.y * 1.2, z: face.normal.z * 1.2 };
+    // Beside its sphere as one looks at it from a side, whichever way the normal points.
+    const { x, y, z } = face.normal;
+    const label = { x, y, z: z + (z < -0.5 ? -0.3 : 0.3) };
     faces.texts.push({
-      pose: { position: above, orientation: point.orientation },
+      pose: { position: label, orientation: point.orientation },
       billboard: true,
       font_size: 14,
       scale_invariant: true,
