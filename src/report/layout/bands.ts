@@ -17,13 +17,14 @@ const axes = (value: Vector, std: Vector): Axes => ({
   z: band(value.z, std.z),
 });
 
-export default function script(event: Input<"CALIBRATION_TOPIC">): Bands | undefined {
+export default function script(event: Input<"CALIBRATION_TOPIC">): Bands {
   const message = event.message as any;
   const triad = message.accelerometer;
-  // 0 is UNDETERMINED: there is nothing to draw.
-  if (!triad || !triad.status || !triad.bias || !triad.scale) {
-    return undefined;
-  }
-  const [bias, scale] = [axes(triad.bias, triad.bias_std), axes(triad.scale, triad.scale_std)];
+  // 0 is UNDETERMINED: there is nothing to draw. Without a message, Lichtblick warns that the script is wrong.
+  const nothing = { x: NaN, y: NaN, z: NaN };
+  const [bias, scale] =
+    triad?.status && triad.bias && triad.scale
+      ? [axes(triad.bias, triad.bias_std), axes(triad.scale, triad.scale_std)]
+      : [axes(nothing, nothing), axes(nothing, nothing)];
   return { header: message.header, bias, scale };
 }
