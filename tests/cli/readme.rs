@@ -51,6 +51,32 @@ fn every_command_works_in_the_order_of_the_text() {
 }
 
 #[test]
+fn pictures_tell_what_the_program_prints() {
+    let folder = Folder::new();
+    let demo = root().join("testdata/demo.mcap");
+    let run = folder.run(["annotate".as_ref(), demo.as_os_str(), "-o".as_ref(), "demo.annotated.mcap".as_ref()]).ok();
+    for name in ["report", "viewer", "live"] {
+        let path = format!(".images/{name}.png");
+        let told = described(&std::fs::read(root().join(&path)).unwrap());
+        assert_eq!(told.as_deref(), Some(run.stderr.as_str()), "{path} is of another result: run .ci/pictures");
+    }
+}
+
+/// The UTF-8 text that a PNG picture carries as its `Description`: chunk `iTXt`, not compressed, of no language.
+fn described(png: &[u8]) -> Option<String> {
+    let mut rest = png.strip_prefix(b"\x89PNG\r\n\x1a\n").unwrap();
+    // Length, kind, content, checksum.
+    while let Some((length, content)) = rest.split_first_chunk::<4>() {
+        let (chunk, next) = content.split_at(4 + u32::from_be_bytes(*length) as usize);
+        if let Some(text) = chunk.strip_prefix(b"iTXtDescription\0\0\0\0\0") {
+            return Some(String::from_utf8(text.to_vec()).unwrap());
+        }
+        rest = &next[4..];
+    }
+    None
+}
+
+#[test]
 fn the_configuration_shown_is_valid() {
     for block in blocks(&readme(), "toml") {
         stillpoint::config::Config::load(&[stillpoint::config::Layer::file("README.md", block)]).unwrap();
