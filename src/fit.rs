@@ -52,7 +52,7 @@ pub use huber::huber;
 pub use initial_guess::guess;
 pub use linear_system::{Limits, LinearSystem, Row, Solved, limits};
 pub use lsqlin::{Solution, lsqlin};
-pub use next_pose::PoseSearch;
+pub use next_pose::{PosePlan, PoseSearch};
 pub use noise_density::{NoiseDensity, noise_densities};
 pub use normal_equations::NormalEquations;
 pub use parameterisation::{Parameterisation, Term, Truth};

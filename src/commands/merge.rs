@@ -92,13 +92,14 @@ fn people(merged: &Merged, look: Look) -> String {
     }
     lines.push(summary::imu(&merged.findings, None, look));
     let course = merged.history.course();
-    for (line, name) in course.notes.iter().zip(["merged   ", "drift    ", "drift    "]) {
-        lines.push(format!("  {name}{line}"));
+    for (line, name) in course.notes.iter().zip(["  merged   ", "  drift    ", "  drift    "]) {
+        lines.extend(look.sentence(name, line));
     }
-    lines.extend(course.jumps.iter().map(|jump| {
-        let name = style("change").for_stderr().yellow();
-        format!("  {name}   between {} and {} s, {}", jump.after, jump.before, jump.what)
-    }));
+    for jump in &course.jumps {
+        let label = format!("  {}   ", style("change").for_stderr().yellow());
+        let when = format!("between {} and {}", report::day(jump.after), report::day(jump.before));
+        lines.extend(look.sentence(&label, &format!("{when}, {}", jump.what)));
+    }
     lines.extend(curve(&merged.history, look));
     lines.join("\n")
 }

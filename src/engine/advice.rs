@@ -12,13 +12,16 @@ use super::turn_outcome::Turning;
 use super::turning;
 use crate::fit::accelerometer::{Observation, fit, fit_with};
 use crate::fit::turn_fit::TurnEstimate;
-use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation, PoseSearch};
+use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation, PosePlan, PoseSearch};
 use crate::messages::segment::Reason;
 
 /// Numbers of further poses that are tried, in order.
 const COUNTS: [usize; 4] = [1, 3, 6, 12];
 /// Share of the worst-case error that poses must leave at most to be worth the effort.
 const WORTHWHILE: f64 = 0.75;
+/// Share of the uncertainty of lengths that poses must leave at most before a fit with them is tried: the worst-case error
+/// falls with it.
+const HOPEFUL: f64 = 0.85;
 /// Number of poses in a round whose effect is told where nothing is worthwhile.
 const ROUND: usize = 6;
 
@@ -69,7 +72,8 @@ impl PoseAdviser<'_> {
         let given = assumptions(self.judge, &trial, now.calibration());
         let told = self.turns().map(|found| &found.told);
         let search = PoseSearch { seen: &seen, given: &given, told, scatter: scatter(now, self.judge) };
-        let most = COUNTS[COUNTS.len() - 1];
+        // One more than is tried, to know what that many leave.
+        let most = COUNTS[COUNTS.len() - 1] + 1;
         // Where turns tell what edges would, poses on faces stay those of the simpler fit.
         let by_turns = self.turning.is_some_and(|turning| turning.completed);
         let mut plans = Vec::new();
@@ -79,12 +83,18 @@ impl PoseAdviser<'_> {
         if self.attempt.poses == Poses::OnFaces {
             plans.push(search.best(&candidates[..self.judge.fixture.faces().len()], most));
         }
+        // A richer model may gain more than the uncertainty of lengths tells.
+        let is_hopeful = |plan: &PosePlan, count| {
+            let left = plan.left_after(count).unwrap_or(0.0);
+            now.shape != Parameterisation::TRIANGULAR || !unchecked.is_empty() || count == ROUND || left <= HOPEFUL
+        };
         let mut round = None;
         for count in COUNTS {
-            let after = plans.iter().filter(|plan| plan.len() >= count).filter_map(|plan| {
-                let ups: Vec<_> = plan.iter().take(count).map(|pose| candidates[*pose]).collect();
+            let tried = plans.iter().filter(|plan| plan.poses.len() >= count && is_hopeful(plan, count));
+            let after = tried.filter_map(|plan| {
+                let ups: Vec<_> = plan.poses.iter().take(count).map(|pose| candidates[*pose]).collect();
                 let after = self.in_poses(now, &search, &ups).filter(Estimate::is_checked)?;
-                Some(self.advice(now, poses[plan[0]].0.clone(), count, &after))
+                Some(self.advice(now, poses[*plan.poses.first()?].0.clone(), count, &after))
             });
             let Some(advice) = after.min_by(|a, b| a.error[1].total_cmp(&b.error[1])) else { continue };
             if advice.worthwhile || !unchecked.is_empty() {

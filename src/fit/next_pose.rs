@@ -27,26 +27,43 @@ pub struct PoseSearch<'a> {
     pub scatter: f64,
 }
 
+/// Poses to show next.
+#[derive(Clone, Debug, Default)]
+pub struct PosePlan {
+    /// Directions of true specific force, in order, as indices of the candidates.
+    pub poses: Vec<usize>,
+    /// Largest variance of the length of any candidate before each of them, over that of a placement.
+    pub unknown: Vec<f64>,
+}
+
+impl PosePlan {
+    /// Share of the largest standard deviation of a length that is left after so many poses, at most all but one.
+    pub fn left_after(&self, poses: usize) -> Option<f64> {
+        Some((self.unknown.get(poses)? / self.unknown.first()?).sqrt())
+    }
+}
+
 impl PoseSearch<'_> {
-    /// Directions of true specific force that are best shown next, in order, as indices of `candidates`.
-    pub fn best(&self, candidates: &[Vector3<f64>], count: usize) -> Vec<usize> {
+    /// Poses that are best shown next.
+    pub fn best(&self, candidates: &[Vector3<f64>], count: usize) -> PosePlan {
         let mut information = self.information();
         let noise = self.noise();
         let rows: Vec<LengthRow> = candidates.iter().map(|up| self.row(&self.reading(up, noise, 0.0))).collect();
-        let mut best = Vec::with_capacity(count);
+        let mut plan = PosePlan::default();
         for _ in 0..count {
             let Some(factor) = information.cholesky() else { break };
             let uncertainty = |row: &LengthRow| row.dot(&factor.solve(row));
             // Among equals the first, which is the easiest to hold.
             let of_all = rows.iter().map(uncertainty).enumerate();
-            let Some((pose, _)) = of_all.reduce(|best, other| if other.1 > 1.01 * best.1 { other } else { best })
+            let Some((pose, unknown)) = of_all.reduce(|best, other| if other.1 > 1.01 * best.1 { other } else { best })
             else {
                 break;
             };
             information += rows[pose] * rows[pose].transpose();
-            best.push(pose);
+            plan.poses.push(pose);
+            plan.unknown.push(unknown);
         }
-        best
+        plan
     }
 
     /// Placements as they would be after these: each reads as calibrated, off in either direction in turn by the scatter and
@@ -134,7 +151,8 @@ mod tests {
         let given = given(&bounds);
         let search = PoseSearch { seen: &seen, given: &given, told: None, scatter: 0.01 };
         let candidates: Vec<_> = fixture.poses().into_iter().map(|(_, up)| up).collect();
-        let planes = search.best(&candidates, 3).into_iter().map(|pose| candidates[pose].map(|part| part.abs() > 0.1));
+        let planes =
+            search.best(&candidates, 3).poses.into_iter().map(|pose| candidates[pose].map(|part| part.abs() > 0.1));
         let mut planes: Vec<_> = planes.map(|plane| (plane.x, plane.y, plane.z)).collect();
         planes.sort_unstable();
         assert_eq!(planes, [(false, true, true), (true, false, true), (true, true, false)]);
@@ -150,6 +168,6 @@ mod tests {
         let given = given(&bounds);
         let search = PoseSearch { seen: &seen, given: &given, told: None, scatter: 0.01 };
         let candidates: Vec<_> = poses.iter().map(|(_, up)| *up).collect();
-        assert_eq!(poses[search.best(&candidates, 1)[0]].0, "-Y");
+        assert_eq!(poses[search.best(&candidates, 1).poses[0]].0, "-Y");
     }
 }

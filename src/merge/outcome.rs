@@ -17,7 +17,7 @@ use crate::engine::{self, Motion, Moved, Refitted, Secondary};
 use crate::fit::turn_fit::TurnSeen;
 use crate::fit::{Parameterisation, Term};
 use crate::imu::Sensor;
-use crate::report::{Findings, nanos};
+use crate::report::{Findings, day, nanos};
 use crate::still::{AllanSums, Rest};
 
 /// Merged sensor of several recordings.
@@ -68,7 +68,8 @@ impl<'a> Story<'a> {
         let mut epochs = Vec::new();
         for span in bounds.windows(2).filter(|span| span[0] < span[1]) {
             let (epoch, refitted) = self.epoch(span[0], span[1]);
-            findings.rests.extend(refitted.segments.into_iter().map(|rest| (nanos(&rest.start), rest)));
+            // What lies before a change does not count.
+            findings.rests = refitted.segments.into_iter().map(|rest| (nanos(&rest.start), rest)).collect();
             findings.coverage = Some(refitted.coverage);
             findings.calibration = refitted.calibration;
             epochs.push(epoch);
@@ -178,7 +179,7 @@ impl<'a> Story<'a> {
         let time = self.visits.get(visit).and_then(|visit| self.rests.get(*visit.first()?)).map(|rest| rest.rest.start);
         let note = |what: &str, drifts: bool| {
             let how = if drifts { "drifts" } else { "may drift, though it is not plain that it does," };
-            format!("{what} {how} from recording to recording: followed to {}", time.unwrap_or_default())
+            format!("{what} {how} from recording to recording: followed to {}", time.map(day).unwrap_or_default())
         };
         let accelerometer = self.accelerometer.states.get(visit).filter(|_| self.accelerometer.is_followed);
         let gyroscope = self.gyroscope.states.get(visit).filter(|_| self.gyroscope.is_followed);

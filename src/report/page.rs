@@ -4,7 +4,6 @@
 //! Each section is a module; [`plot`](super::plot) draws. Markup is made by `maud`, which escapes what is put into it.
 
 mod account;
-mod calendar;
 mod course;
 mod elements;
 mod faces;
@@ -21,9 +20,9 @@ mod temperature;
 
 use maud::{Markup, PreEscaped, html};
 
-use self::calendar::{date, duration};
 use self::elements::{breakable, notes};
 use self::imu::Imu;
+use super::calendar::{date, duration};
 use super::{Findings, Timeline};
 use crate::printable;
 
@@ -87,7 +86,8 @@ impl Page<'_> {
                 p.kicker { "Stillpoint report" }
                 h1 { (breakable(self.recording)) }
                 p.dim {
-                    @if let Some((from, until)) = when { (date(from)) (duration(until.seconds_since(from))) " · " }
+                    @if let Some((from, until)) = when { @if let Some(date) = date(from) { (date) " · " }
+                        (duration(until.seconds_since(from))) " · " }
                     (count) @if count == 1 { " IMU" } @else { " IMUs" }
                 }
                 p.formula {

@@ -59,7 +59,8 @@ pub fn weight(note: &str) -> Weight {
     ];
     /// These begin with numbers.
     const SHORT_RANGE: &str = " °C are too little of a range to tell how the bias depends on the temperature";
-    const COUNTED: [&str; 2] = [" turns do not count: ", " rests have no temperature, so "];
+    const COUNTED: [&str; 3] =
+        [" turns do not count: ", " rests have no temperature, so ", " from recording to recording: followed to "];
     let refused = note.split_once(" is not determined: ").is_some_and(|(name, _)| model_named(name).is_some());
     match note {
         _ if refused || DETAILS.iter().any(|begin| note.starts_with(begin)) => Weight::Detail,

@@ -2,10 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::calendar::day;
 use super::elements::{minus, notes, section, table};
 use super::imu::Imu;
 use crate::Stamp;
+use crate::report::calendar::day;
 use crate::report::plot::{Along, Plot, Scale};
 use crate::report::{Curve, Jump};
 
@@ -57,7 +57,7 @@ fn figures(curve: &Curve, jumps: &[Jump]) -> Option<Markup> {
         if low > high {
             return html! {};
         }
-        let mut plot = Plot::new(Scale::linear(0.0, span, 0.03), Scale::linear(low, high, 0.06));
+        let mut plot = Plot::new(Scale::linear(0.0, span, 0.12), Scale::linear(low, high, 0.06));
         for jump in jumps {
             plot.band(at(jump.after), at(jump.before), "band jump", &jump.what);
         }

@@ -3,7 +3,7 @@
 use crate::Stamp;
 
 /// Duration in the unit that suits it.
-pub(super) fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 60.0 => format!("{s:.0} s"),
         s if s < 600.0 => format!("{} min {:.0} s", (s / 60.0).floor(), s % 60.0),
@@ -13,20 +13,20 @@ pub(super) fn duration(seconds: f64) -> String {
 }
 
 /// Day of a stamp; for clocks that do not count from 1970, in days since their beginning.
-pub(super) fn day(stamp: Stamp) -> String {
-    match date(stamp).split_once(' ') {
-        Some((day, _)) => day.to_owned(),
+pub fn day(stamp: Stamp) -> String {
+    match date(stamp) {
+        Some(date) => date.chars().take_while(|letter| *letter != ' ').collect(),
         None => format!("day {:.1}", stamp.nanos() as f64 * 1e-9 / 86_400.0),
     }
 }
 
-/// Date of the Gregorian calendar and time in UTC; empty for clocks that do not count from 1970. Days to dates by
+/// Date of the Gregorian calendar and time in UTC; `None` for clocks that do not count from 1970. Days to dates by
 /// Hinnant's `civil_from_days`, in years that begin in March.
-pub(super) fn date(stamp: Stamp) -> String {
+pub fn date(stamp: Stamp) -> Option<String> {
     const YEAR_2000: i64 = 946_684_800;
     let seconds = stamp.nanos().div_euclid(1_000_000_000);
     if seconds < YEAR_2000 {
-        return String::new();
+        return None;
     }
     let days = seconds / 86_400 + 719_468;
     let (era, day_of_era) = (days / 146_097, days % 146_097);
@@ -36,7 +36,7 @@ pub(super) fn date(stamp: Stamp) -> String {
     let day = day_of_year - (153 * month + 2) / 5 + 1;
     let month = if month < 10 { month + 3 } else { month - 9 };
     let year = era * 400 + year + i64::from(month <= 2);
-    format!("{year}-{month:02}-{day:02} {:02}:{:02} UTC · ", seconds / 3600 % 24, seconds / 60 % 60)
+    Some(format!("{year}-{month:02}-{day:02} {:02}:{:02} UTC", seconds / 3600 % 24, seconds / 60 % 60))
 }
 
 #[cfg(test)]
@@ -45,11 +45,11 @@ mod tests {
 
     #[test]
     fn dates_are_those_of_the_calendar() {
-        let day = |seconds: i64| date(Stamp::from_nanos(seconds * 1_000_000_000));
-        assert_eq!(day(1_700_000_000), "2023-11-14 22:13 UTC · ");
-        assert_eq!(day(951_782_400), "2000-02-29 00:00 UTC · ");
-        assert_eq!(day(4_107_542_399), "2100-02-28 23:59 UTC · ");
-        assert_eq!(day(4_107_542_400), "2100-03-01 00:00 UTC · ");
+        let day = |seconds: i64| date(Stamp::from_nanos(seconds * 1_000_000_000)).unwrap_or_default();
+        assert_eq!(day(1_700_000_000), "2023-11-14 22:13 UTC");
+        assert_eq!(day(951_782_400), "2000-02-29 00:00 UTC");
+        assert_eq!(day(4_107_542_399), "2100-02-28 23:59 UTC");
+        assert_eq!(day(4_107_542_400), "2100-03-01 00:00 UTC");
         assert_eq!(day(5), "");
         assert_eq!(super::day(Stamp::from_nanos(951_782_400_000_000_000)), "2000-02-29");
         assert_eq!(super::day(Stamp::from_nanos(129_600_000_000_000)), "day 1.5");
