@@ -96,7 +96,8 @@ pub struct Pointing {
 
 #[derive(Clone, Debug, Args)]
 pub struct Annotate {
-    /// The recordings: files, or rosbag2 folders, each of which is one
+    /// The recordings: files, or rosbag2 folders, each of which is one; or objects (s3://, gs://, az://, https://), a prefix
+    /// of which, with a slash at its end, stands for all recordings under it
     #[arg(required_unless_present = "inputs_from", value_name = "INPUT", value_parser = on_disk())]
     pub inputs: Vec<PathBuf>,
     /// A file that lists further recordings, one a line; - for standard input
@@ -109,10 +110,11 @@ pub struct Annotate {
     /// Write what became of each recording here, one line of JSON each
     #[arg(long, value_name = "FILE")]
     pub manifest: Option<PathBuf>,
-    /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar]
+    /// Where to write [default: INPUT's name with .annotated.mcap, or .stillpoint.mcap for a sidecar, as which results are
+    /// put into stores]
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir", value_parser = on_disk())]
     pub output: Option<PathBuf>,
-    /// Folder to write into, under the default names; it is made if it is not there
+    /// Folder, or prefix of a store, to write into, under the default names; a folder is made if it is not there
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
     /// Write the annotations into the recording itself; after a run that is killed meanwhile, the next, or repair, puts back what was there
@@ -203,7 +205,8 @@ pub struct Tail {
 
 #[derive(Debug, Args)]
 pub struct Watch {
-    /// Where recordings appear, files and rosbag2 folders, in its folders too
+    /// Where recordings appear, files and rosbag2 folders, in its folders too; or a prefix of an object store
+    /// (s3://bucket/prefix), where each recording that no longer changes gets a sidecar
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
     /// Folder to write into, under the same names and folders [default: beside the recordings]
@@ -215,9 +218,10 @@ pub struct Watch {
     #[cfg(feature = "live")]
     #[command(flatten)]
     pub viewing: Viewing,
-    /// How often to look through the directory
-    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "1s")]
-    pub interval: Duration,
+    /// How often to look through the directory, or to list the prefix [default: 1s; 60s for a prefix, since listings are
+    /// paid for]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub interval: Option<Duration>,
     /// A recording that does not grow for so long was given up by its recorder
     #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "60s")]
     pub idle_timeout: Duration,

@@ -27,7 +27,7 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use stillpoint::config::{Config, Layer};
-use stillpoint::run::{Partial, Reads, Stop};
+use stillpoint::run::{self, Partial, Reads, Stop};
 use stillpoint::{Error, printable_json};
 
 use crate::cli::{Cli, Command, Configuration};
@@ -161,6 +161,10 @@ fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Resul
     // The formats written here that contain names have strings with JSON's escapes.
     let text = &*printable_json(text);
     let Some(path) = output.filter(|path| !is_pipe(path)) else { return print(text) };
+    if run::is_url(path) {
+        reads.refuse(path)?;
+        return run::put_text(path, text, force);
+    }
     let partial = partial(path, force, reads)?;
     partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
     finish(partial, force)

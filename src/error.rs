@@ -28,6 +28,16 @@ pub enum Error {
         /// Error of the system.
         source: io::Error,
     },
+    /// A store could not be reached, or is in trouble that passes.
+    #[error("{}: cannot {doing}: {why}; the same command may succeed later", path.display())]
+    OutOfReach {
+        /// The attempted operation, as a verb.
+        doing: &'static str,
+        /// Its path.
+        path: PathBuf,
+        /// The reason.
+        why: String,
+    },
     /// The input cannot be processed.
     #[error("{}: {why}", path.display())]
     Input {
@@ -100,6 +110,9 @@ impl Error {
             Errno::NOLCK,
             Errno::NXIO,
         ];
+        if matches!(self, Self::OutOfReach { .. }) {
+            return true;
+        }
         let code = |source: &io::Error| source.raw_os_error().map(Errno::from_raw_os_error);
         matches!(self, Self::Io { source, .. } if code(source).is_some_and(|code| PASSING.contains(&code)))
     }
@@ -107,8 +120,16 @@ impl Error {
     /// Error of reading records: trouble of the system, or an input that cannot be processed.
     pub fn reading(path: &Path) -> impl FnOnce(record::Error) -> Self {
         move |error| match error {
-            record::Error::Read { cause, .. } => Self::io("read", path)(cause),
+            record::Error::Read { cause, .. } => Self::of_bytes(path)(cause),
             error => Self::input(path, error.to_string()),
+        }
+    }
+
+    /// Error of reading bytes: a refusal of the system, or one that a store gave in its place.
+    pub(crate) fn of_bytes(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |error| match error.downcast::<Self>() {
+            Ok(error) => error,
+            Err(error) => Self::io("read", path)(error),
         }
     }
 

@@ -8,12 +8,14 @@ mod limits;
 #[cfg(feature = "live")]
 mod live;
 mod output;
+mod prefix;
 mod stop;
+mod store;
 mod tail;
 mod watch;
 
 pub use crate::pipeline::{Ending, Notice, Notify, Progress};
-pub use batch::{Form, Options, Report, annotate, calibrate};
+pub use batch::{Finished, Form, Options, Report, annotate, calibrate, finished};
 pub use gather::{Gathered, SensorKey, gather};
 pub use input::{Input, Listener, Made, Watch, made, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};
@@ -21,6 +23,8 @@ pub use limits::{allow_many_files, outlive_file_size_limit};
 #[cfg(feature = "live")]
 pub use live::{Live, Session, Viewers};
 pub use output::{Access, Partial, Reads, Written, default_output, take_back};
+pub use prefix::{is_sidecar_name, recordings_under, results_under};
 pub use stop::Stop;
+pub use store::{is_prefix, is_url, put_text};
 pub use tail::{Following, Tailed, sidecar_of, tail};
-pub use watch::{Metrics, Show, Verdict, Watching, serve, watch};
+pub use watch::{Metrics, Show, Verdict, Watching, WatchingPrefix, serve, watch, watch_prefix};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
-use stillpoint::run::{self, Access, Form, Input, Made, Options, Reads, Report, Stop, Written};
+use stillpoint::run::{self, Access, Finished, Form, Input, Made, Options, Reads, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
@@ -21,10 +21,11 @@ use crate::console::COMPOSED;
 pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
-    let is_list = args.inputs_from.is_some() || args.shard.is_some() || args.manifest.is_some();
-    let listed = listing::inputs(&args.inputs, args.inputs_from.as_deref())?;
+    let is_listed = args.inputs_from.is_some() || args.inputs.iter().any(|input| run::is_prefix(input));
+    let is_list = is_listed || args.shard.is_some() || args.manifest.is_some();
+    let listed = listing::inputs(&args.inputs, args.inputs_from.as_deref(), run::recordings_under)?;
     let args = &cli::Annotate { inputs: listed, ..args.clone() };
-    let shard = Shard::choose(args.shard.as_deref(), args.inputs_from.is_some())?;
+    let shard = Shard::choose(args.shard.as_deref(), is_listed)?;
     let inputs = inputs(args);
     let works = works(args, &inputs)?;
     refuse_itself(args, &inputs, &works)?;
@@ -32,7 +33,17 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     let (mut gravest, mut passing) = (Code::Done, false);
     for work in works.into_iter().enumerate().filter(|(i, _)| shard.holds(*i)).map(|(_, work)| work) {
         let code = match work.run(args, &config, stop) {
-            Ok((report, written)) => {
+            Ok(Done::Before(finished)) => {
+                if json {
+                    print_json(&json!({"input": name(work.input()), "output": name(work.output()), "finished": true}))?;
+                }
+                info!("{} is already the result of this: nothing to do", work.output().display());
+                let (damages, calibrated) = finished.outcome.unwrap_or((0, true));
+                let code = code_of(damages, calibrated, args.require_calibration, args.accept_damage);
+                manifest.skipped(work.input(), work.output(), code)?;
+                code
+            }
+            Ok(Done::Now(report, written)) => {
                 if json {
                     print_json(&work.result(&report, earlier.as_deref()))?;
                 }
@@ -76,6 +87,13 @@ struct Work<'a> {
     outputs: Vec<PathBuf>,
 }
 
+/// Finished work.
+enum Done {
+    Now(Report, Written),
+    /// A store had the result already.
+    Before(Finished),
+}
+
 /// The recordings among the inputs, without results of an earlier run on one of them, as when all files of a folder are
 /// named a second time.
 fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
@@ -94,7 +112,9 @@ fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
                 .filter(move |output| output != input)
         })
         .collect();
-    let is_result = |input: &&PathBuf| match run::made(input) {
+    let is_result = |input: &&PathBuf| match (!run::is_url(input)).then(|| run::made(input)).flatten() {
+        // To look into each object would be a request.
+        _ if run::is_url(input) => run::is_sidecar_name(input) || results.contains(*input),
         Some(Made::Sidecar) => true,
         Some(Made::Annotated) => results.contains(*input),
         None => false,
@@ -138,7 +158,13 @@ fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
 /// Paths of the results, one for each input.
 fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     if args.in_place {
-        return Ok(inputs.to_owned());
+        return match inputs.iter().find(|input| run::is_url(input)) {
+            None => Ok(inputs.to_owned()),
+            Some(object) => {
+                let why = "an object cannot be changed in place; without --in-place a sidecar is put beside it";
+                Err(Error::Usage(format!("{}: {why}", object.display())))
+            }
+        };
     }
     if let Some(output) = &args.output {
         return match inputs {
@@ -157,7 +183,7 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
     let mut taken = BTreeMap::new();
     let mut outputs = Vec::new();
     for input in inputs {
-        let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), args.sidecar);
+        let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), is_sidecar(args, input));
         if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
             let (other, input, output) = (other.display(), input.display(), output.display());
             return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
@@ -167,8 +193,23 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
     Ok(outputs)
 }
 
+/// Whether the annotations of an input are written alone: in a store unless an output is named, since it would have to
+/// hold the recording a second time.
+fn is_sidecar(args: &cli::Annotate, input: &Path) -> bool {
+    match &args.output {
+        Some(output) => args.sidecar || run::is_url(output) && run::is_sidecar_name(output),
+        None => args.sidecar || run::is_url(input) || args.out_dir.as_deref().is_some_and(run::is_url),
+    }
+}
+
 impl Work<'_> {
-    fn run(&self, args: &cli::Annotate, config: &Config, stop: &Stop) -> Result<(Report, Written), Error> {
+    fn run(&self, args: &cli::Annotate, config: &Config, stop: &Stop) -> Result<Done, Error> {
+        if !args.force
+            && let [output] = self.outputs.as_slice()
+            && let Some(finished) = run::finished(self.input(), output, config)?
+        {
+            return Ok(Done::Before(finished));
+        }
         let access = if args.in_place { Access::Change } else { Access::Read };
         let mut outputs = self.outputs.clone();
         let input = match self.inputs {
@@ -183,18 +224,19 @@ impl Work<'_> {
                 input
             }
         };
-        if let Some(folder) = &args.out_dir {
+        if let Some(folder) = args.out_dir.as_ref().filter(|folder| !run::is_url(folder)) {
             std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
         }
         let progress = Progress::new(&input, stop);
-        let form = match (args.in_place, args.sidecar) {
+        let form = match (args.in_place, is_sidecar(args, self.input())) {
             (true, _) => Form::InPlace,
             (_, true) => Form::Sidecar,
             _ => Form::Annotated,
         };
         let cli::Annotate { force, allow_no_imu, verify, sync, .. } = *args;
         let options = Options { form, force, allow_no_imu, verify, sync };
-        run::annotate(&input, &outputs, config, options, &|done| progress.watch(done)).map_err(|error| match error {
+        let done = run::annotate(&input, &outputs, config, options, &|done| progress.watch(done));
+        done.map(|(report, written)| Done::Now(report, written)).map_err(|error| match error {
             Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
             error => error,
         })
@@ -225,13 +267,13 @@ impl Work<'_> {
 
 /// The exit code of a finished recording. A configured IMU that is missing counts as not calibrated.
 pub fn code(report: &Report, config: &Config, require_calibration: bool, accept_damage: bool) -> Code {
-    let is_there = |topic: &str| report.channels.iter().any(|(channel, _)| channel.topic == topic);
-    let calibrated = !report.imus.is_empty()
-        && report.imus.iter().all(|imu| imu.is_calibrated())
-        && config.imu.iter().all(|imu| is_there(&imu.topic));
+    code_of(report.damages, report.is_calibrated(config), require_calibration, accept_damage)
+}
+
+fn code_of(damages: u64, calibrated: bool, require_calibration: bool, accept_damage: bool) -> Code {
     if require_calibration && !calibrated {
         Code::Uncalibrated
-    } else if report.damages > 0 && !accept_damage {
+    } else if damages > 0 && !accept_damage {
         Code::Damaged
     } else {
         Code::Done

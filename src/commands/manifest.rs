@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use stillpoint::messages::triad::Status;
 use stillpoint::report;
-use stillpoint::run::{Reads, Report, Written};
+use stillpoint::run::{self, Reads, Report, Written};
 use stillpoint::{Error, printable_json};
 
 use super::{Code, name};
@@ -19,6 +19,10 @@ impl Manifest {
     /// Begins a manifest. An existing file is replaced only if it is a manifest or empty.
     pub fn open(path: Option<&Path>, reads: &Reads) -> Result<Self, Error> {
         let Some(path) = path else { return Ok(Self(None)) };
+        if run::is_url(path) {
+            let why = "a manifest grows line by line, which no object can; name a file, and copy it there";
+            return Err(Error::Usage(format!("{}: {why}", path.display())));
+        }
         reads.refuse(path)?;
         let io = |error| Error::io("write", path)(error);
         if path.metadata().is_ok_and(|there| !there.is_file()) {
@@ -64,6 +68,12 @@ impl Manifest {
                 "damages": report.damages,
             })
         })
+    }
+
+    /// Writes the line of a recording whose result a store had already, and which was not read.
+    pub fn skipped(&mut self, input: &Path, output: &Path, code: Code) -> Result<(), Error> {
+        let (input, output, code) = (name(input), name(output), code.number());
+        self.line(|| json!({"input": input, "output": output, "outcome": "skipped", "code": code}))
     }
 
     /// Writes the line of a recording that was given up.

@@ -20,7 +20,7 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
     if json && args.format.is_some() {
         return Err(Error::Usage("--json prints everything, --format one format: choose one of them".to_owned()));
     }
-    let inputs = listing::inputs(&args.inputs, args.inputs_from.as_deref())?;
+    let inputs = listing::inputs(&args.inputs, args.inputs_from.as_deref(), run::results_under)?;
     let (mut all, mut code, mut passing) = (Merge::default(), Code::Done, 0);
     for path in &inputs {
         let gathered = Input::open(path).and_then(|recording| {

@@ -14,6 +14,11 @@ use crate::cli;
 const IDLE: Duration = Duration::from_secs(60);
 
 pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
+    if let Some(object) = [Some(&args.input), args.output.as_ref()].into_iter().flatten().find(|path| run::is_url(path))
+    {
+        let why = "an object does not grow, so there is nothing to follow; annotate takes it once it is complete";
+        return Err(Error::Usage(format!("{}: {why}", object.display())));
+    }
     let config = configuration(&args.configuration)?;
     let earlier = import::against(&args.against)?;
     // A missing path counts as a folder, unless it ends in `.mcap`.

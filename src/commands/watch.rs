@@ -2,18 +2,25 @@
 
 use std::path::Path;
 use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
 
 use serde_json::json;
 use stillpoint::Error;
 use stillpoint::config::Config;
-use stillpoint::run::{self, Following, Metrics, Notice, Options, Stop, Verdict, Watching};
+use stillpoint::run::{self, Following, Metrics, Notice, Options, Stop, Verdict, Watching, WatchingPrefix};
 use tokio::signal::unix::{SignalKind, signal};
 use tracing::{debug, error, info, warn};
 
 use super::{Code, configuration, print_json};
 use crate::cli;
 
+/// Interval between two looks through a directory, and between two listings of a prefix, each of which is paid for.
+const INTERVALS: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(60)];
+
 pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
+    if run::is_url(&args.folder) {
+        return run_prefix(args, json, stop);
+    }
     if args.folder.is_file() {
         let why = "is a file; watch takes the folder that recordings appear in, tail or annotate take one recording";
         return Err(Error::input(&args.folder, why));
@@ -45,9 +52,9 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     let watching = Watching {
         folder: args.folder.clone(),
         out: args.out_dir.clone(),
-        interval: args.interval,
+        interval: args.interval.unwrap_or(INTERVALS[0]),
         growing: args.growing,
-        finished: args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
+        finished: jobs(args),
         following,
         time_limit: args.time_limit,
     };
@@ -56,6 +63,37 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     run::watch(&watching, &current, stop, &metrics, &show, &|path, verdict| say(path, &verdict, json))?;
     info!("stopped; what was being followed goes on with the next watch");
     // A stop request is the normal end of a service.
+    stop.answered();
+    Ok(Code::Done)
+}
+
+fn jobs(args: &cli::Watch) -> usize {
+    args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// Serves a prefix of an object store.
+fn run_prefix(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
+    if let Some(out) = args.out_dir.as_ref().filter(|out| !run::is_url(out)) {
+        let why = "the sidecars of a prefix are put into a store; name a prefix, or leave --out-dir away";
+        return Err(Error::Usage(format!("{}: {why}", out.display())));
+    }
+    let config = Arc::new(RwLock::new(configuration(&args.configuration)?));
+    reload_on_hangup(args.configuration.clone(), config.clone())?;
+    let metrics = Arc::new(Metrics::default());
+    if let Some(address) = args.metrics {
+        info!("metrics at http://{}/metrics", run::serve(address, metrics.clone())?);
+    }
+    let watching = WatchingPrefix {
+        prefix: args.folder.clone(),
+        out: args.out_dir.clone(),
+        interval: args.interval.unwrap_or(INTERVALS[1]),
+        jobs: jobs(args),
+        time_limit: args.time_limit,
+    };
+    let current = || config.read().unwrap_or_else(PoisonError::into_inner).clone();
+    info!("watching {}", args.folder.display());
+    run::watch_prefix(&watching, &current, stop, &metrics, &|path, verdict| say(path, &verdict, json))?;
+    info!("stopped; what is new by then is annotated by the next watch");
     stop.answered();
     Ok(Code::Done)
 }

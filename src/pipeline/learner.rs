@@ -52,7 +52,7 @@ pub(crate) struct Learner {
     corrector: Corrector,
     damage: Vec<Damage>,
     damages: u64,
-    /// Log time of the last message, in nanoseconds.
+    /// Log time of the last message that is used, or of the first one until then, in nanoseconds.
     log_time: u64,
     /// Place of the recording, once known.
     place: Option<Place>,
@@ -158,7 +158,10 @@ impl Learner {
                 }
             }
             Event::Message(message) => {
-                self.log_time = message.log_time;
+                // Later messages that are not used count for nothing: whether they are read at all must make no difference.
+                if self.log_time == 0 {
+                    self.log_time = message.log_time;
+                }
                 let Some(message) = self.sources.wanted(message) else { return };
                 if self.time_order.holds(message.channel) {
                     self.time_order.hold(&message);

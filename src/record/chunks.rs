@@ -2,9 +2,11 @@
 //! [`Scan`](super::Scan), whose result does not depend on them.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::Error;
 use super::Inventory;
+use super::Places;
 use super::frame_window::Frame;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
@@ -29,6 +31,8 @@ pub struct Chunks {
     length: u64,
     /// What the summary claims about the chunks, once it was read.
     claims: Option<Claims>,
+    /// Places that are used instead of the data, and the offset up to which they were returned.
+    known: Option<(Arc<Places>, u64)>,
 }
 
 /// A chunk record.
@@ -55,12 +59,19 @@ impl Chunk {
 impl Chunks {
     /// The chunks of a recording of this length, from `offset` on, where a record begins.
     pub fn new(offset: u64, length: u64) -> Self {
-        Self { walk: Walk::new(offset..length, BLOCK), open: None, named: BTreeSet::new(), length, claims: None }
+        let walk = Walk::new(offset..length, BLOCK);
+        Self { walk, open: None, named: BTreeSet::new(), length, claims: None, known: None }
+    }
+
+    /// The chunks of a recording by its summary alone; nothing of the data is read.
+    pub fn known(places: Arc<Places>) -> Self {
+        Self { known: Some((places, 0)), ..Self::new(0, 0) }
     }
 
     /// Continues at `offset`, where a record begins after all chunks returned so far.
     pub fn seek(&mut self, offset: u64) {
         (self.walk, self.open) = (Walk::new(offset..self.length, BLOCK), None);
+        self.known.iter_mut().for_each(|(_, from)| *from = offset);
     }
 
     /// Next chunk.
@@ -68,6 +79,11 @@ impl Chunks {
     /// # Errors
     /// If the recording cannot be read.
     pub fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
+        if let Some((places, from)) = &mut self.known {
+            let next = places.next(*from);
+            *from = next.as_ref().map_or(*from, |chunk| chunk.body().end);
+            return Ok(next);
+        }
         let Some(chunk) = self.framed(file)? else { return Ok(None) };
         let claims = self.claims(file)?;
         let claimed = claims.about(file, chunk.offset)?;
@@ -80,11 +96,15 @@ impl Chunks {
     }
 
     /// Whether chunks may be skipped: according to the summary, they define no unknown schema or channel. Always
-    /// `false` without summary.
+    /// `false` without summary, and `true` where nothing but the summary is used, by which a chunk can be skipped only if
+    /// its channels are known.
     ///
     /// # Errors
     /// If the recording cannot be read.
     pub fn define_nothing_beyond(&mut self, known: &Inventory, file: &mut impl ReadAt) -> Result<bool, Error> {
+        if self.known.is_some() {
+            return Ok(true);
+        }
         let Some(undefined) = &mut self.claims(file)?.undefined else { return Ok(false) };
         undefined.schemas.retain(|id| !known.schemas().contains_key(id));
         undefined.channels.retain(|id| !known.channels().contains_key(id));

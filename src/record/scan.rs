@@ -17,6 +17,7 @@ mod event;
 mod judge_length;
 mod message_indexes;
 mod original;
+mod pass_known;
 mod position;
 mod read_attachment;
 mod read_data;
@@ -29,6 +30,7 @@ mod summary_section;
 mod swallowed;
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use mcap::MAGIC;
 
@@ -47,7 +49,7 @@ use self::swallowed::LOOK;
 use super::chunk::{Inflate, Opened};
 use super::frame_window::{Extent, Frame, FrameWindow, Stop};
 use super::wire::{FRAME, op};
-use super::{Error, Inventory, Limits, Message};
+use super::{Error, Inventory, Limits, Message, Places};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
 ///
@@ -102,10 +104,12 @@ pub struct Scan {
     /// them.
     ours: Option<Ours>,
     recognised: bool,
-    /// Whether chunks are offered, the answer to the last offer, and a chunk that is no longer needed.
+    /// Whether chunks are offered, the answer to the last offer with its offset, and a chunk that is no longer needed.
     offering: bool,
-    supply: Option<Supply>,
+    supply: Option<(u64, Supply)>,
     spent: Option<Opened>,
+    /// Places that the summary tells, if they are to be used.
+    places: Option<Arc<Places>>,
     data_crc: DataCrc,
     limits: Limits,
 }
@@ -115,7 +119,8 @@ pub struct Scan {
 pub enum Supply {
     /// The chunk has been opened.
     Opened(Opened),
-    /// Its messages are not needed: it is not read, and its content is taken from the message indexes that follow it.
+    /// Its messages are not needed: it is not read, and its content is taken from the message indexes that follow it, or
+    /// from the chunk index where that is [known](Scan::knowing).
     Unread,
     /// The scan shall read it itself.
     Absent,
@@ -200,8 +205,8 @@ impl Scan {
 
     /// Answers the offer of a chunk. The events are the same wherever the chunk was opened.
     pub fn supply(&mut self, supply: Supply) {
-        if let Stage::Offering(_) = self.stage {
-            self.supply = Some(supply);
+        if let Stage::Offering(frame) = self.stage {
+            self.supply = Some((frame.offset, supply));
             self.stage = Stage::Record;
         }
     }
@@ -348,7 +353,7 @@ impl Scan {
             self.look_at_end();
             return Ok(());
         }
-        if self.leaves_original() {
+        if self.leaves_original() || self.pass_known() {
             return Ok(());
         }
         let frame = match self.horizon.frame() {

@@ -1,8 +1,9 @@
 //! The batch path: a finished recording in, an annotated recording or a sidecar out.
 //!
-//! [`split_learner`] learns, [`annotated_writer`] writes.
+//! [`split_learner`] learns, [`annotated_writer`] writes; [`finished`](finished()) finds what a store has already.
 
 mod annotated_writer;
+mod finished;
 mod split_learner;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,6 +14,7 @@ use std::time::Duration;
 
 pub(super) use self::annotated_writer::Indexes;
 use self::annotated_writer::{Kept, NextBlock, ReadSplit, write_annotated, write_sidecar};
+pub use self::finished::{Finished, finished};
 use self::split_learner::SplitLearner;
 use crate::Error;
 use crate::annotate::{Corrected, Corrections, is_only_partial};
@@ -29,6 +31,7 @@ use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
 pub use crate::run::output::options::{Form, Options};
 pub(super) use crate::run::output::set::OutputSet;
+use crate::run::store::Mark;
 
 /// Findings of a recording.
 #[derive(Debug)]
@@ -63,14 +66,14 @@ pub fn annotate(
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    annotate_in_order(input, outputs, &input.configured(config), options, watch, None)
+    annotate_in_order(input, outputs, (&input.configured(config), &Mark::of(config)), options, watch, None)
 }
 
 /// The same, with messages of these channels in log-time order.
 fn annotate_in_order(
     input: &Input,
     outputs: &[PathBuf],
-    config: &Config,
+    (config, mark): (&Config, &Mark),
     options: Options,
     watch: Watch<'_>,
     order: Option<BTreeSet<u16>>,
@@ -78,7 +81,7 @@ fn annotate_in_order(
     let settings = settings(config);
     let alone = options.form == Form::Sidecar;
     let twice = config.output.corrected == Corrected::Final;
-    let mut target = OutputSet::open(input, outputs, options)?;
+    let mut target = OutputSet::open(input, outputs, options, mark.clone())?;
     let mut sidecar = if alone { Some(target.next(0)?) } else { None };
     let mut kept = Kept::beside(target.beside());
     let mut splits = SplitLearner::new(input, config, options, order);
@@ -113,7 +116,7 @@ fn annotate_in_order(
         // In place, earlier splits that have been written stay.
         if let Some(apart) = splits.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
             drop((output, unwritten, sidecar, target));
-            return annotate_in_order(input, outputs, config, options, watch, Some(apart));
+            return annotate_in_order(input, outputs, (config, mark), options, watch, Some(apart));
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());
         if let Some(output) = output {
@@ -144,8 +147,10 @@ fn annotate_in_order(
         write_sidecar(&mut output, split, &profile, &settings, learned.annotator.topics(), kept.blocks)?;
         target.put(output, split)?;
     }
-    let written = target.finish(&contents, learned.annotator.topics())?;
-    Ok((Report::new(learned, messages), written))
+    let topics = learned.annotator.topics().to_vec();
+    let report = Report::new(learned, messages);
+    let written = target.finish(&contents, &topics, (report.damages, report.is_calibrated(config)))?;
+    Ok((report, written))
 }
 
 /// A split that was read while it was recorded.
@@ -198,7 +203,8 @@ pub(super) fn fold(
         target.put(output, split)?;
         contents.push(here);
     }
-    Ok((report, target.finish(&contents, all)?))
+    let written = target.finish(&contents, all, (report.damages, true))?;
+    Ok((report, written))
 }
 
 /// Learns from a recording without writing anything.
@@ -280,6 +286,14 @@ impl Report {
     fn new(learned: Learned, messages: u64) -> Self {
         let Learned { imus, channels, notes, damage, damages, .. } = learned;
         Self { imus, channels, notes, damage, damages, messages }
+    }
+
+    /// Whether every IMU got an accelerometer calibration. A configured one that is missing got none.
+    pub fn is_calibrated(&self, config: &Config) -> bool {
+        let is_there = |topic: &str| self.channels.iter().any(|(channel, _)| channel.topic == topic);
+        !self.imus.is_empty()
+            && self.imus.iter().all(Findings::is_calibrated)
+            && config.imu.iter().all(|imu| is_there(&imu.topic))
     }
 
     /// Report of a recording that was followed, with the message count of its splits.

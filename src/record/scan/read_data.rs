@@ -178,7 +178,7 @@ impl Scan {
 
     fn chunk_record(&mut self, frame: Frame) -> Result<(), Stop> {
         self.data_crc.chunk();
-        let supply = self.supply.take();
+        let supply = self.supply.take().filter(|(at, _)| *at == frame.offset).map(|(_, supply)| supply);
         if supply.is_none() && self.offering && self.stands_in_place(frame) {
             self.stage = Stage::Offering(frame);
             return Ok(());

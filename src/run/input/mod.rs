@@ -6,6 +6,8 @@ pub(crate) mod recording;
 pub(crate) mod regular;
 pub(crate) mod rosbag2;
 pub(crate) mod scan_file;
+pub(crate) mod source;
+mod spans;
 pub(crate) mod splits;
 
 pub use recording::Watch;

@@ -1,20 +1,26 @@
 //! Chunks opened ahead of the scan by several threads, in file order. The [`Scan`](crate::record::Scan) gives the same
 //! events whoever opens its chunks.
+//!
+//! Of an object with a whole summary, [`Spans`] says which bytes are requested together.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::Error;
-use crate::record::{Chunk, Chunks, Inventory, Limits, Opened, Opener, Supply};
+use crate::record::{Chunk, Chunks, Inventory, Limits, Opened, Opener, Places, Supply};
 use crate::run::input::recording::{Recording, Within};
+use crate::run::input::spans::{Need, Spans};
 
 /// Least bytes of small chunks that a thread gets at once (256 KiB).
 const BATCH: u64 = 256 << 10;
 /// Most bytes, compressed and decompressed, that are being opened or wait for the scan (8 MiB: more would only leave
 /// the caches), unless one chunk alone has more.
 const ROOM: u64 = 8 << 20;
+/// The same of an object, whose bytes take longer to come (64 MiB).
+const ROOM_FOR_REQUESTS: u64 = 64 << 20;
 /// Most chunks that are queued.
 const CHUNKS: usize = 512;
 /// Longest head of a chunk that is opened ahead.
@@ -26,6 +32,11 @@ pub(crate) struct Prefetch<'a> {
     limits: Limits,
     work: Sender<Job>,
     chunks: Chunks,
+    /// What is requested together, if it is an object with a summary.
+    spans: Option<Spans>,
+    /// A chunk that it was too early to judge.
+    postponed: Option<Chunk>,
+    room: u64,
     queue: VecDeque<Coming>,
     /// Bytes that the queue takes, compressed and decompressed.
     held: u64,
@@ -44,6 +55,8 @@ struct Coming {
 /// Chunks for a thread to open.
 pub(crate) struct Job {
     chunks: Vec<(Chunk, Opened)>,
+    /// Range to request first, if the recording is an object.
+    span: Option<Range<u64>>,
     done: Sender<Opened>,
 }
 
@@ -52,7 +65,10 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, li
     let mut opener = Opener::new(limits);
     loop {
         let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(Job { chunks, done }) = job else { return };
+        let Ok(Job { chunks, span, done }) = job else { return };
+        if let (Some(object), Some(span)) = (recording.source().object(), span) {
+            object.fetch(&span);
+        }
         for (chunk, mut opened) in chunks {
             let room = opened.room(usize::try_from(chunk.length).unwrap_or_default());
             // The scan itself finds out which bytes cannot be read.
@@ -70,8 +86,18 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, li
 impl<'a> Prefetch<'a> {
     /// An empty queue that sends its jobs to `work`.
     pub(crate) fn new(recording: &'a Recording, limits: Limits, work: Sender<Job>) -> Self {
+        let room = if recording.source().is_object() { ROOM_FOR_REQUESTS } else { ROOM };
         let chunks = Chunks::new(0, recording.length());
-        Self { recording, limits, work, chunks, queue: VecDeque::new(), held: 0, spare: Vec::new() }
+        let (queue, spare) = (VecDeque::new(), Vec::new());
+        Self { recording, limits, work, chunks, spans: None, postponed: None, room, queue, held: 0, spare }
+    }
+
+    /// The same for an object by what its summary says. Requests the first chunk and what lies in front of it at once.
+    pub(crate) fn knowing(self, places: Arc<Places>) -> Result<Self, Error> {
+        let (chunks, spans) = (Chunks::known(Arc::clone(&places)), Some(Spans::new(places)));
+        let mut ahead = Self { chunks, spans, ..self };
+        ahead.fill(&Inventory::default(), &|_: &[u16]| false)?;
+        Ok(ahead)
     }
 
     /// Supplies the chunk at `offset`, up to which the recording was scanned. `is_useless` tells whether chunks with
@@ -91,11 +117,11 @@ impl<'a> Prefetch<'a> {
         while self.queue.front().is_some_and(|coming| coming.chunk.offset < offset) {
             self.next();
         }
-        if self.queue.is_empty() {
-            self.chunks.seek(offset);
+        if self.queue.is_empty() && self.postponed.as_ref().is_none_or(|chunk| chunk.offset != offset) {
+            (self.postponed, _) = (None, self.chunks.seek(offset));
         }
-        if self.held < ROOM / 2 && self.queue.len() < CHUNKS / 2 {
-            self.fill(scanned.opened(), &is_useless)?;
+        if self.held < self.room / 2 && self.queue.len() < CHUNKS / 2 {
+            self.fill(scanned, &is_useless)?;
         }
         let is_front = |coming: &Coming| (coming.chunk.offset, coming.chunk.length) == (offset, length);
         if !self.queue.front().is_some_and(is_front) {
@@ -127,13 +153,27 @@ impl<'a> Prefetch<'a> {
         Some((chunk, opened))
     }
 
-    fn fill(&mut self, opened: u64, is_useless: &impl Fn(&[u16]) -> bool) -> Result<(), Error> {
+    fn fill(&mut self, scanned: &Inventory, is_useless: &impl Fn(&[u16]) -> bool) -> Result<(), Error> {
         let refused = |e: crate::record::Error| Error::reading(self.recording.path())(e);
+        let opened = scanned.opened();
         let (mut batch, mut size) = (Vec::new(), 0);
         let (mut sender, mut receiver) = shared();
-        while self.held < ROOM && self.queue.len() < CHUNKS {
-            let Some(chunk) = self.chunks.next(&mut Within(self.recording)).map_err(refused)? else { break };
-            let useless = chunk.channels.as_ref().is_some_and(|channels| !channels.is_empty() && is_useless(channels));
+        while self.held < self.room && self.queue.len() < CHUNKS {
+            let next = match self.postponed.take() {
+                Some(chunk) => Some(chunk),
+                None => self.chunks.next(&mut Within(self.recording)).map_err(refused)?,
+            };
+            let Some(chunk) = next else { break };
+            let useless = match &mut self.spans {
+                Some(spans) => match spans.need(&chunk, scanned, is_useless) {
+                    Need::Unknown if !self.queue.is_empty() => {
+                        self.postponed = Some(chunk);
+                        break;
+                    }
+                    need => need == Need::None,
+                },
+                None => chunk.channels.as_ref().is_some_and(|channels| !channels.is_empty() && is_useless(channels)),
+            };
             let Limits { chunk: longest, .. } = self.limits;
             // A chunk that the scan will refuse is not opened.
             let too_long = chunk.length > longest.saturating_add(HEAD) || chunk.inflated > longest;
@@ -141,11 +181,18 @@ impl<'a> Prefetch<'a> {
                 self.queue.push_back(Coming { chunk, done: None, cost: 0 });
                 continue;
             }
+            if self.spans.as_mut().is_some_and(|spans| !spans.add(chunk.offset)) {
+                self.hand_over(&mut batch, sender);
+                (sender, receiver) = shared();
+                size = 0;
+                // It begins the next span, in which everything fits.
+                self.spans.iter_mut().for_each(|spans| _ = spans.add(chunk.offset));
+            }
             let cost = chunk.length + chunk.inflated;
             (self.held, size) = (self.held + cost, size + cost);
             batch.push((chunk.clone(), self.spare.pop().unwrap_or_default()));
             self.queue.push_back(Coming { chunk, done: Some(Rc::clone(&receiver)), cost });
-            if size >= BATCH {
+            if size >= BATCH && self.spans.is_none() {
                 self.hand_over(&mut batch, sender);
                 (sender, receiver) = shared();
                 size = 0;
@@ -155,11 +202,16 @@ impl<'a> Prefetch<'a> {
         Ok(())
     }
 
-    fn hand_over(&self, batch: &mut Vec<(Chunk, Opened)>, done: Sender<Opened>) {
-        if !batch.is_empty() {
-            // Without threads nothing comes back, and the scan opens every chunk itself.
-            let _ = self.work.send(Job { chunks: std::mem::take(batch), done });
+    fn hand_over(&mut self, batch: &mut Vec<(Chunk, Opened)>, done: Sender<Opened>) {
+        if batch.is_empty() {
+            return;
         }
+        let span = self.spans.as_mut().and_then(Spans::take);
+        if let (Some(object), Some(span)) = (self.recording.source().object(), &span) {
+            object.announce(span);
+        }
+        // Without threads nothing comes back, and the scan opens every chunk itself.
+        let _ = self.work.send(Job { chunks: std::mem::take(batch), span, done });
     }
 }
 

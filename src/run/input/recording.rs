@@ -1,32 +1,31 @@
-//! A recording on disk: opening it and reading its bytes. The caller interprets its messages.
+//! A recording on disk or in a store: opening it and reading its bytes. The caller interprets its messages.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::ops::Range;
-use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use crate::Error;
 use crate::record::{self, Event, Inventory, Kind, Limits, Original, ReadAt, recognise, recognise_scanned};
-use crate::run::output::in_place::{self, Access};
+use crate::run::input::source::Source;
+use crate::run::output::in_place::Access;
 
 /// Block size of reading; smaller reads would cost more than their bytes (1 MiB).
 const READ: usize = 1 << 20;
+/// The same where each block is a request (8 MiB).
+const REQUEST: usize = 8 << 20;
 /// Callback between pieces of work, given the number of bytes that are done; its error stops the work.
 pub type Watch<'a> = &'a dyn Fn(u64) -> Result<(), Error>;
 
 /// A recording, wherever its bytes are in the file.
 #[derive(Debug)]
 pub struct Recording {
-    file: File,
+    source: Source,
     path: PathBuf,
     original: Original,
     /// Configuration of the annotations beside the original, as TOML.
     annotated_with: Option<String>,
-    /// Length in bytes and modification time when it was opened.
-    state: (u64, SystemTime),
 }
 
 impl Recording {
@@ -40,15 +39,15 @@ impl Recording {
     }
 
     fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
-        let file = in_place::open(path, access)?;
-        let state = state(&file).map_err(Error::io("read", path))?;
-        Ok(Self { file, path: path.to_owned(), original: Original::whole(state.0), annotated_with: None, state })
+        let source = Source::open(path, access)?;
+        let original = Original::whole(source.length());
+        Ok(Self { source, path: path.to_owned(), original, annotated_with: None })
     }
 
     /// A recording of this length whose file is already open.
     pub(crate) fn of_file(file: File, path: &Path, length: u64) -> Self {
-        let (original, state) = (Original::whole(length), (length, SystemTime::UNIX_EPOCH));
-        Self { file, path: path.to_owned(), original, annotated_with: None, state }
+        let (source, original) = (Source::of_file(file, length), Original::whole(length));
+        Self { source, path: path.to_owned(), original, annotated_with: None }
     }
 
     /// The original in the file, if Stillpoint annotated it.
@@ -145,9 +144,9 @@ impl Recording {
 
     /// A second handle to the same open file; it keeps the lock.
     pub(crate) fn again(&self) -> Result<Self, Error> {
-        let file = self.file.try_clone().map_err(Error::io("read", &self.path))?;
+        let source = self.source.again().map_err(Error::io("read", &self.path))?;
         let (path, original) = (self.path.clone(), self.original.clone());
-        Ok(Self { file, path, original, annotated_with: self.annotated_with.clone(), state: self.state })
+        Ok(Self { source, path, original, annotated_with: self.annotated_with.clone() })
     }
 
     /// Log time of the first message, in nanoseconds; `None` without messages.
@@ -168,7 +167,7 @@ impl Recording {
 
     /// Whether length and modification time of its file are those from when it was opened.
     pub(crate) fn is_unchanged(&self) -> bool {
-        state(&self.file).is_ok_and(|state| state == self.state)
+        self.source.is_unchanged()
     }
 
     /// Refuses the recording if its file changed since it was opened.
@@ -185,7 +184,7 @@ impl Recording {
     }
 
     fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
-        look(&mut Bytes(&self.file)).map_err(Error::reading(&self.path))
+        look(&mut Bytes(&self.source)).map_err(Error::reading(&self.path))
     }
 
     /// Path of its file.
@@ -198,9 +197,14 @@ impl Recording {
         self.original.length()
     }
 
-    /// File that holds its bytes.
-    pub(crate) fn file(&self) -> &File {
-        &self.file
+    /// Source of its bytes, and of others if it is an original in an annotated recording.
+    pub(crate) fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// What tells it from other recordings of the same name, as far as its place does.
+    pub(crate) fn identity(&self) -> String {
+        self.source.identity()
     }
 
     /// Byte ranges of the file that hold a range of the recording, in order.
@@ -217,7 +221,7 @@ impl Recording {
         let mut rest = buffer;
         for part in self.parts(offset..offset + rest.len() as u64) {
             let (now, later) = rest.split_at_mut((part.end - part.start) as usize);
-            self.file.read_exact_at(now, part.start).map_err(Error::io("read", &self.path))?;
+            self.source.read_exact_at(now, part.start).map_err(Error::of_bytes(&self.path))?;
             rest = later;
         }
         match rest.is_empty() {
@@ -232,25 +236,34 @@ impl Recording {
     ///
     /// If the system refuses, or what `watch` returns.
     pub(crate) fn read(&self, range: Range<u64>, watch: Watch<'_>, mut each: impl FnMut(&[u8])) -> Result<(), Error> {
-        let mut buffer = vec![0; READ.min(range.end.saturating_sub(range.start) as usize)];
+        self.try_read(range, watch, |bytes| {
+            each(bytes);
+            Ok(())
+        })
+    }
+
+    /// The same, until `each` returns an error.
+    pub(crate) fn try_read(
+        &self,
+        range: Range<u64>,
+        watch: Watch<'_>,
+        mut each: impl FnMut(&[u8]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let block = if self.source.is_object() { REQUEST } else { READ };
+        let mut buffer = vec![0; block.min(range.end.saturating_sub(range.start) as usize)];
         let mut from = range.start;
         while from < range.end {
             watch(from)?;
             buffer.truncate((range.end - from) as usize);
             self.read_exact_at(&mut buffer, from)?;
-            each(&buffer);
+            each(&buffer)?;
             from += buffer.len() as u64;
         }
         Ok(())
     }
 }
 
-fn state(file: &File) -> io::Result<(u64, SystemTime)> {
-    let metadata = file.metadata()?;
-    Ok((metadata.len(), metadata.modified()?))
-}
-
-struct Bytes<'a>(&'a File);
+struct Bytes<'a>(&'a Source);
 
 impl ReadAt for Bytes<'_> {
     fn read_at(&mut self, offset: u64, buffer: &mut [u8]) -> io::Result<()> {

@@ -1,13 +1,13 @@
-//! A recording on disk, read through a scan. The caller interprets its messages.
+//! A recording on disk or in a store, read through a scan. The caller interprets its messages.
 
 use std::sync::mpsc::channel;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
 use crate::Error;
-use crate::record::{Event, Inventory, Limits, Scan};
+use crate::record::{Event, Inventory, Limits, Places, Scan};
 use crate::run::input::prefetch::{Prefetch, open_chunks};
-use crate::run::input::recording::{Recording, Watch};
+use crate::run::input::recording::{Recording, Watch, Within};
 
 /// Largest block to read; smaller reads would cost more than their bytes (1 MiB).
 const READ: usize = 1 << 20;
@@ -26,7 +26,9 @@ impl Recording {
         let (work, jobs) = channel();
         let jobs = Mutex::new(jobs);
         thread::scope(|scope| {
-            let wanted = thread::available_parallelism().map_or(1, usize::from).min(THREADS);
+            let cores = thread::available_parallelism().map_or(1, usize::from);
+            // Those of an object wait for its bytes most of the time.
+            let wanted = if self.source().is_object() { THREADS } else { cores.min(THREADS) };
             let open =
                 |_: &usize| thread::Builder::new().spawn_scoped(scope, || open_chunks(&jobs, self, limits)).is_ok();
             if (0..wanted).filter(open).count() == 0 {
@@ -49,19 +51,29 @@ impl Recording {
         if listener.verifies() {
             scan = scan.verifying();
         }
+        let object = self.source().object();
+        if let Some(object) = object {
+            match self.places(listener.verifies())? {
+                Some(places) => (scan, ahead) = (scan.knowing(Arc::clone(&places)), ahead.knowing(places)?),
+                None => object.read_in_blocks(),
+            }
+        }
         // Between chunks there is little to read, elsewhere much.
         let mut block = LEAST;
         loop {
             match scan.next_event().map_err(Error::reading(self.path()))? {
                 Event::Read { offset, length: wanted } => {
                     watch(offset)?;
-                    let size = (length - offset).min(wanted.max(block) as u64) as usize;
+                    // What would be another request is left until it is needed.
+                    let more = object.map_or(block, |object| block.min(object.at_hand(offset)));
+                    let size = (length - offset).min(wanted.max(more) as u64) as usize;
                     self.read_exact_at(scan.insert(size), offset)?;
                     scan.notify_read(size);
                     block = (2 * block).min(READ);
                 }
                 Event::Chunk { offset, length } => {
                     watch(offset)?;
+                    object.iter().for_each(|object| object.forget_before(offset));
                     listener.indexes(&scan.take_indexes(), &scan.take_reindexed())?;
                     scan.spent().into_iter().for_each(|opened| ahead.recycle(opened));
                     let is_useless = |channels: &[u16]| listener.is_useless(channels);
@@ -76,6 +88,17 @@ impl Recording {
                 event => listener.event(event)?,
             }
         }
+    }
+}
+
+impl Recording {
+    /// Places of its chunks by the summary, if that is to be used.
+    fn places(&self, verifies: bool) -> Result<Option<Arc<Places>>, Error> {
+        if verifies {
+            return Ok(None);
+        }
+        let places = Places::of(&mut Within(self), self.length()).map_err(Error::reading(self.path()))?;
+        Ok(places.map(Arc::new))
     }
 }
 

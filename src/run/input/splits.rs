@@ -2,7 +2,7 @@
 //! files.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
@@ -10,8 +10,10 @@ use crate::config::{Config, Layer};
 use crate::record::{Damage, Event, Kind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
+use crate::run::input::scan_file::Listener;
 use crate::run::output::in_place::Access;
 use crate::run::output::reads::Reads;
+use crate::topic;
 
 /// A recording: its files, called splits, in time order.
 #[derive(Debug)]
@@ -114,6 +116,16 @@ impl Input {
         &self.path
     }
 
+    /// What tells it from other recordings of the same name, as far as its place does.
+    pub(crate) fn identity(&self) -> String {
+        self.splits.iter().map(Recording::identity).collect::<Vec<_>>().join("+")
+    }
+
+    /// Whether bytes of it come from a store, where those that are not needed are dear.
+    pub(crate) fn is_remote(&self) -> bool {
+        self.splits.iter().any(|split| split.source().is_object())
+    }
+
     /// Length of all files together, in bytes.
     pub fn length(&self) -> u64 {
         self.splits.iter().map(Recording::length).sum()
@@ -212,6 +224,28 @@ impl Input {
         Ok(Self { path: self.path.clone(), splits, bag: self.bag.clone(), blank: self.blank.clone() })
     }
 
+    /// Scans the annotations of all splits. In a store, chunks without any are not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`scan`](Self::scan).
+    pub(crate) fn scan_annotations(
+        &self,
+        limits: Limits,
+        watch: Watch<'_>,
+        mut each: impl FnMut(Read<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        if !self.is_remote() {
+            return self.scan(limits, watch, each);
+        }
+        for split in &self.splits {
+            let mut listener = AnnotationsOnly { each: &mut each, others: BTreeSet::new() };
+            split.scan(limits, watch, &mut listener)?;
+            each(Read::SplitEnd)?;
+        }
+        Ok(())
+    }
+
     /// Scans all splits within limits, one after the other.
     ///
     /// # Errors
@@ -274,4 +308,26 @@ pub(crate) enum Read<'a> {
     Event(Event<'a>),
     /// End of a split.
     SplitEnd,
+}
+
+/// Listener that needs annotations alone.
+struct AnnotationsOnly<'f, F> {
+    each: &'f mut F,
+    /// Channels of other topics.
+    others: BTreeSet<u16>,
+}
+
+impl<F: FnMut(Read<'_>) -> Result<(), Error>> Listener for AnnotationsOnly<'_, F> {
+    fn event(&mut self, event: Event<'_>) -> Result<(), Error> {
+        if let Event::Channel(channel) = &event
+            && !topic::is_annotation(&channel.topic)
+        {
+            self.others.insert(channel.id);
+        }
+        (self.each)(Read::Event(event))
+    }
+
+    fn is_useless(&self, channels: &[u16]) -> bool {
+        channels.iter().all(|channel| self.others.contains(channel))
+    }
 }

@@ -45,7 +45,7 @@ pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Foun
 fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<Found, Error> {
     let (mut imus, mut damages, mut split): (Vec<Findings>, _, _) = (Vec::new(), Damages::default(), 0);
     let mut table = ChannelTable::default();
-    input.scan(limits, watch, |read| {
+    input.scan_annotations(limits, watch, |read| {
         match read {
             Read::Event(Event::Message(message)) => {
                 let Some((name, event)) = annotations::read(&table, &message) else { return Ok(()) };

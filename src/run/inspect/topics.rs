@@ -125,8 +125,12 @@ fn look_through(
 
 /// Summary at the end of a recording.
 fn closing_summary(recording: &Recording) -> Result<Option<ClosingSummary>, Error> {
-    let summary = ClosingSummary::of(&mut Within(recording), recording.length());
-    summary.map_err(|error| Error::input(recording.path(), error.to_string()))
+    // In a store, each chunk that is looked at is a request.
+    let summary = match recording.source().is_object() {
+        true => ClosingSummary::of_end(&mut Within(recording), recording.length()),
+        false => ClosingSummary::of(&mut Within(recording), recording.length()),
+    };
+    summary.map_err(Error::reading(recording.path()))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Destination of a result: a new file, the recording itself, or an existing file to compare with.
+//! Destination of a result: a new file, the recording itself, an existing file to compare with, or an object in a store.
 //! [`record`](crate::record) makes the content.
 
 use std::fs::File;
@@ -15,6 +15,7 @@ use crate::run::output::in_place::{self, Access};
 use crate::run::output::partial::{Partial, is_end};
 use crate::run::output::reads::Reads;
 use crate::run::output::spill::Spill;
+use crate::run::store::{Mark, Upload, is_url};
 
 /// Bytes of one copy: large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;
@@ -31,6 +32,8 @@ enum Medium {
     Existing(File, u64),
     /// The recording itself: offset of the change, and all new bytes, staged before the file is touched.
     Itself(u64, File),
+    /// An object, which appears when it is complete.
+    Object(Box<Upload>),
 }
 
 /// Outcome of an output.
@@ -53,6 +56,10 @@ impl Output {
     /// Opens the output of that name. With `force`, an existing one is replaced, unless it is also read; else it is
     /// compared.
     pub(crate) fn open(path: &Path, force: bool, reads: &Reads) -> Result<Self, Error> {
+        if is_url(path) {
+            reads.refuse(path)?;
+            return Ok(Self { path: path.to_owned(), medium: Medium::Object(Box::new(Upload::begin(path, force)?)) });
+        }
         let medium = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => {
                 return Err(Error::input(path, "is a folder; name a file with -o or use --out-dir"));
@@ -70,9 +77,16 @@ impl Output {
         Ok(Self { path: path.to_owned(), medium })
     }
 
+    /// Notes the mark that an object gets, and its approximate length in bytes if that is known.
+    pub(crate) fn mark(&mut self, mark: &Mark, length: u64) {
+        if let Medium::Object(upload) = &mut self.medium {
+            upload.mark(mark, length);
+        }
+    }
+
     /// The file of the recording as its own output; it must have been opened for [`Access::Change`].
     pub(crate) fn itself(recording: &Recording) -> Result<Self, Error> {
-        in_place::check(recording.file(), recording.path())?;
+        in_place::check(changed(recording)?, recording.path())?;
         let path = recording.path().to_owned();
         let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned)).unwrap_or_default();
         let staged = tempfile::tempfile_in(folder).map_err(Error::io("write beside", &path))?;
@@ -83,6 +97,10 @@ impl Output {
     /// reads the recording; `abandon` stops it.
     pub(crate) fn copy_ahead(&self, recording: &Recording, abandon: &AtomicBool) -> Result<(), Error> {
         let Medium::New(partial) = &self.medium else { return Ok(()) };
+        // Of an object, only what is needed is read while it is learned from.
+        if recording.source().is_object() {
+            return Ok(());
+        }
         let mut from = 0;
         while from < recording.length() && !abandon.load(Ordering::Relaxed) {
             let until = recording.length().min(from + COPY);
@@ -100,12 +118,13 @@ impl Output {
     /// Takes the first piece, the beginning of the recording, [copied ahead](Self::copy_ahead).
     pub(crate) fn keep(&mut self, range: Range<u64>, recording: &Recording) -> Result<(), Error> {
         match &mut self.medium {
+            Medium::New(_) if recording.source().is_object() => self.put(&Piece::Original(range), recording),
             Medium::New(partial) => {
                 let mut file = partial.file();
                 let cut = file.set_len(range.end).and_then(|()| file.seek(SeekFrom::Start(range.end)));
                 cut.map(|_| ()).map_err(Error::io("write", &self.path))
             }
-            Medium::Existing(..) => self.put(&Piece::Original(range), recording),
+            Medium::Existing(..) | Medium::Object(_) => self.put(&Piece::Original(range), recording),
             Medium::Itself(from, _) => {
                 // What is in its place already needs no change.
                 let stays =
@@ -120,8 +139,13 @@ impl Output {
     pub(crate) fn put(&mut self, piece: &Piece, recording: &Recording) -> Result<(), Error> {
         match (&mut self.medium, piece) {
             (Medium::New(partial), piece) => {
-                append(piece, recording, partial.file()).map_err(Error::io("write", &self.path))
+                append(piece, recording, partial.file()).map_err(|error| refused(error, &self.path))
             }
+            (Medium::Object(upload), Piece::Bytes(bytes)) => upload.put(bytes),
+            (Medium::Object(upload), Piece::Original(range)) => {
+                recording.try_read(range.clone(), &|_| Ok(()), |bytes| upload.put(bytes))
+            }
+            (Medium::Object(_), Piece::Indexes(_)) => Ok(()),
             (Medium::Itself(_, staged), piece) => {
                 append(piece, recording, staged).map_err(Error::io("write beside", &self.path))
             }
@@ -147,6 +171,7 @@ impl Output {
     /// Completes the result.
     pub(crate) fn finish(self, recording: &Recording, sync: bool) -> Result<Written, Error> {
         match self.medium {
+            Medium::Object(upload) => upload.finish(),
             Medium::New(partial) => {
                 let written = partial.file().try_clone().map_err(Error::io("write", &self.path))?;
                 match partial.finish(sync) {
@@ -156,11 +181,12 @@ impl Output {
                 }
             }
             Medium::Itself(from, staged) => {
-                if is_end(recording.file(), from, &staged).map_err(Error::io("read", &self.path))? {
+                let file = changed(recording)?;
+                if is_end(file, from, &staged).map_err(Error::io("read", &self.path))? {
                     return Ok(Written::Before);
                 }
                 recording.check_unchanged()?;
-                in_place::replace_end(recording.file(), &self.path, from, &staged).map(|()| Written::Now)
+                in_place::replace_end(file, &self.path, from, &staged).map(|()| Written::Now)
             }
             Medium::Existing(file, equal) => {
                 match file.metadata().map_err(Error::io("read", &self.path))?.len() == equal {
@@ -170,6 +196,17 @@ impl Output {
             }
         }
     }
+}
+
+/// A refusal to write a file, or one to read the object that is copied into it.
+fn refused(error: io::Error, path: &Path) -> Error {
+    error.downcast::<Error>().unwrap_or_else(Error::io("write", path))
+}
+
+/// The file of a recording that is changed in place.
+fn changed(recording: &Recording) -> Result<&File, Error> {
+    let none = || Error::Usage(format!("{}: an object cannot be changed in place", recording.path().display()));
+    recording.source().file().ok_or_else(none)
 }
 
 /// Whether a file has the same bytes as the one of this name.
@@ -206,7 +243,7 @@ fn append(piece: &Piece, recording: &Recording, mut to: &File) -> io::Result<()>
 
 /// Copies a range. Between two files the kernel copies by itself, or shares the blocks where the file system can.
 fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
-    let mut from = recording.file();
+    let Some(mut from) = recording.source().file() else { return copy_object(recording, range, to) };
     for part in recording.parts(range) {
         from.seek(SeekFrom::Start(part.start))?;
         let length = part.end - part.start;
@@ -215,6 +252,15 @@ fn copy(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<(
         }
     }
     Ok(())
+}
+
+/// Copies a range of an object, block by block.
+fn copy_object(recording: &Recording, range: Range<u64>, mut to: &File) -> io::Result<()> {
+    let each = |bytes: &[u8]| to.write_all(bytes).map_err(Error::io("write", recording.path()));
+    recording.try_read(range, &|_| Ok(()), each).map_err(|error| match error {
+        Error::Io { doing: "write", source, .. } => source,
+        error => io::Error::other(error),
+    })
 }
 
 /// Offset of the next piece if the file has `piece` at `at`; `None` if it differs.

@@ -8,6 +8,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::run::store::is_url;
 
 /// Files and folders that are read.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +29,7 @@ impl Reads {
 
     fn add(&mut self, path: &Path) {
         self.names.extend(name_of(path));
-        let Ok(metadata) = std::fs::metadata(path) else { return };
+        let Some(metadata) = std::fs::metadata(path).ok().filter(|_| !is_url(path)) else { return };
         self.ids.insert(id(&metadata));
         if metadata.is_dir() {
             let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
@@ -61,6 +62,9 @@ fn id(metadata: &Metadata) -> (u64, u64) {
 
 /// Path of a file with links in its folder resolved, but not in its own name.
 fn name_of(path: &Path) -> Option<PathBuf> {
+    if is_url(path) {
+        return Some(path.to_owned());
+    }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(folder.canonicalize().ok()?.join(path.file_name()?))
 }

@@ -13,6 +13,7 @@ use crate::run::output::folder::{self, Folder};
 use crate::run::output::options::{Form, Options};
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
+use crate::run::store::{Mark, is_url};
 
 /// Receiver of the annotated splits of a recording, or of its sidecar, one after the other.
 pub(crate) struct OutputSet<'a> {
@@ -21,6 +22,7 @@ pub(crate) struct OutputSet<'a> {
     sync: bool,
     in_place: bool,
     place: Place,
+    mark: Mark,
     written: Written,
 }
 
@@ -33,21 +35,31 @@ enum Place {
 
 impl<'a> OutputSet<'a> {
     /// Opens the outputs: one path for a sidecar, a single file or a folder, one path each for several files.
-    pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options) -> Result<Self, Error> {
+    pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options, mark: Mark) -> Result<Self, Error> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();
         let reads = input.reads();
+        let mark = Mark { input: input.identity(), ..mark };
         let files = |outputs: Vec<Output>| Place::Files { next: outputs.into_iter(), whole: Vec::new() };
         let place = match (options.form, &input.bag) {
             (Form::InPlace, _) => files(input.splits.iter().map(Output::itself).collect::<Result<_, _>>()?),
+            (Form::Annotated, Some(_)) if is_url(&path) => {
+                let why = "the annotated folder of a folder cannot be put there; --sidecar puts its annotations there";
+                return Err(Error::Usage(format!("{}: {why}", path.display())));
+            }
             (Form::Annotated, Some(_)) => Place::Folder(Folder::open(&path, options.force, reads)?),
             _ => {
-                let open = |path: &PathBuf| Output::open(path, options.force, &reads);
-                files(paths.iter().map(open).collect::<Result<_, _>>()?)
+                let open = |path: &PathBuf| {
+                    let mut output = Output::open(path, options.force, &reads)?;
+                    // Annotations alone are short.
+                    output.mark(&mark, if options.form == Form::Sidecar { 0 } else { input.length() });
+                    Ok(output)
+                };
+                files(paths.iter().map(open).collect::<Result<_, Error>>()?)
             }
         };
         let in_place = options.form == Form::InPlace;
         let sync = options.sync || in_place;
-        Ok(Self { input, path, sync, in_place, place, written: Written::Before })
+        Ok(Self { input, path, sync, in_place, place, mark, written: Written::Before })
     }
 
     /// A path on the disk that the result is written to.
@@ -77,9 +89,11 @@ impl<'a> OutputSet<'a> {
         Ok(())
     }
 
-    /// Completes all files, whose contents are given.
-    pub(crate) fn finish(self, contents: &[Contents], own: &[Topic]) -> Result<Written, Error> {
-        let Self { input, sync, in_place, place, mut written, .. } = self;
+    /// Completes all files, whose contents are given. The outcome is the number of damages, and whether all IMUs are
+    /// calibrated.
+    pub(crate) fn finish(self, contents: &[Contents], own: &[Topic], outcome: (u64, bool)) -> Result<Written, Error> {
+        let Self { input, sync, in_place, place, mut written, mark, .. } = self;
+        let mark = Mark { outcome: Some(outcome), ..mark };
         let described = input.bag.as_ref().and_then(|bag| Some((bag, bag.original()?, bag.annotated(contents, own)?)));
         match place {
             Place::Files { whole, .. } => {
@@ -93,7 +107,8 @@ impl<'a> OutputSet<'a> {
                     let original_of = bag.folder().join(ORIGINAL);
                     folder::write(Partial::create(&original_of, &Reads::default())?, original, sync)?;
                 }
-                for (output, split) in whole.into_iter().zip(&input.splits) {
+                for (mut output, split) in whole.into_iter().zip(&input.splits) {
+                    output.mark(&mark, 0);
                     written = written.and(output.finish(split, sync)?);
                 }
                 if let Some((bag, _, metadata)) = &described {

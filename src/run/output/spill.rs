@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::SpooledTempFile;
 
 use crate::Error;
+use crate::run::store::is_url;
 
 /// Most bytes kept in memory (256 KiB): most recordings need no file at all.
 const ROOM: usize = 256 << 10;
@@ -19,8 +20,16 @@ pub(crate) struct Spill {
 }
 
 impl Spill {
-    /// An empty one on the disk of `path`; it leaves nothing behind.
+    /// An empty one on the disk of `path`, or of temporary files if that is in a store; it leaves nothing behind.
     pub(crate) fn beside(path: &Path) -> Self {
+        if is_url(path) {
+            let folder = std::env::temp_dir();
+            return Self {
+                file: tempfile::spooled_tempfile_in(ROOM, &folder),
+                path: folder.join("annotations"),
+                length: 0,
+            };
+        }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Self { file: tempfile::spooled_tempfile_in(ROOM, folder), path: path.to_owned(), length: 0 }
     }

@@ -18,6 +18,7 @@ use crate::run::input::recording::Recording;
 use crate::run::input::splits::Input;
 use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
+use crate::run::store::Mark;
 use crate::run::tail::checkpoint::{Split, State};
 
 /// State of a recording's files at its end.
@@ -135,7 +136,8 @@ impl Shell<'_> {
             followed.push(Followed { inventory, topics: *topics, blocks: until - blocks, indexes });
             (blocks, at) = (*until, *end);
         }
-        let target = OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options)?;
+        let target =
+            OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options, Mark::default())?;
         let mut next = self.sidecar_file.blocks(learned.annotator.topics());
         batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }

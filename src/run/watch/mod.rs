@@ -3,11 +3,13 @@
 mod discovery;
 mod http;
 mod metrics;
+mod prefix;
 mod results;
 mod service;
 mod watching;
 
 pub use http::serve;
 pub use metrics::Metrics;
+pub use prefix::{WatchingPrefix, watch_prefix};
 pub use service::{Show, Verdict, watch};
 pub use watching::Watching;

@@ -19,9 +19,9 @@ use crate::run::tail::{Following, Tailed, set_aside, tail};
 use crate::run::watch::metrics::Metrics;
 
 /// Wait after the first failed attempt at a recording; doubled after each further one.
-const FIRST_RETRY: Duration = Duration::from_secs(1);
+pub(super) const FIRST_RETRY: Duration = Duration::from_secs(1);
 /// Longest wait between two attempts.
-const LAST_RETRY: Duration = Duration::from_secs(60);
+pub(super) const LAST_RETRY: Duration = Duration::from_secs(60);
 /// Number of attempts after which a refusal by the system counts as permanent. A full disk and another stillpoint never
 /// do.
 const ATTEMPTS: u32 = 6;

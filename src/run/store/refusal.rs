@@ -1,0 +1,88 @@
+//! Refusals of stores as errors of ours: which of them pass, and what to do about the others.
+
+use std::error::Error as _;
+use std::path::Path;
+
+use object_store::Error as Refusal;
+
+use crate::Error;
+
+/// Most letters of a store's own words that are passed on.
+const LONGEST: usize = 200;
+
+/// Error that says what a refusal means.
+pub(super) fn refused(path: &Path, doing: &'static str, refusal: Refusal) -> Error {
+    let text = chain(&refusal);
+    let input = |why: &str| Error::input(path, why);
+    match refusal {
+        _ if text.contains("NoSuchBucket") => {
+            input("no such bucket; check its name, and AWS_REGION and AWS_ENDPOINT_URL in the environment")
+        }
+        Refusal::NotFound { .. } => {
+            input("no such object; all recordings under a prefix are meant by its name with a slash behind it")
+        }
+        Refusal::PermissionDenied { .. } | Refusal::Unauthenticated { .. } => input(
+            "the store denies it; check the credentials in the environment (AWS_ACCESS_KEY_ID, GOOGLE_APPLICATION_CREDENTIALS, \
+             AZURE_STORAGE_ACCOUNT_NAME, …) and what they allow",
+        ),
+        Refusal::Precondition { .. } => input("changed while it was read: is it still being written?"),
+        Refusal::AlreadyExists { .. } => Error::Exists(path.to_owned()),
+        Refusal::NotImplemented { .. } | Refusal::NotSupported { .. } => {
+            let what = "the server does not offer what this needs";
+            Error::input(path, format!("cannot {doing}: {what} ({}); copy the file instead", short(&text)))
+        }
+        _ if text.contains("169.254.169.254") || text.contains("metadata.google") => input(
+            "no credentials; set those of the store in the environment (AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, …), or \
+             AWS_SKIP_SIGNATURE=true for a public bucket",
+        ),
+        _ if text.contains("non-partial response") => {
+            input("the server sends whole files only, and this reads parts of them; copy the file here first")
+        }
+        _ if text.contains("configured region") || text.contains("PermanentRedirect") => {
+            input("the bucket is in another region; set AWS_REGION")
+        }
+        _ => match status(&text) {
+            Some(status) if status.starts_with('4') && !status.starts_with("408") && !status.starts_with("429") => {
+                let code = between(&text, "<Code>", "</Code>").map(|code| format!(", {code}")).unwrap_or_default();
+                Error::input(path, format!("cannot {doing}: the store refuses the request ({status}{code})"))
+            }
+            Some(status) => passing(path, doing, &format!("its store answers {status}")),
+            None => passing(path, doing, &short(&text)),
+        },
+    }
+}
+
+fn passing(path: &Path, doing: &'static str, why: &str) -> Error {
+    Error::OutOfReach { doing, path: path.to_owned(), why: why.to_owned() }
+}
+
+/// What a refusal and its causes say.
+fn chain(refusal: &Refusal) -> String {
+    let mut text = refusal.to_string();
+    let mut cause = refusal.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
+/// Status of the answer, in a text of the crate's.
+fn status(text: &str) -> Option<String> {
+    let status = text.split("status code: ").nth(1)?;
+    Some(status.split(':').next().unwrap_or_default().trim().to_owned())
+}
+
+fn between<'a>(text: &'a str, from: &str, until: &str) -> Option<&'a str> {
+    text.split_once(from)?.1.split_once(until).map(|(found, _)| found)
+}
+
+/// The last of the causes, which is the most telling, in one line.
+fn short(text: &str) -> String {
+    let last = text.rsplit(" - ").next().unwrap_or(text);
+    let words: Vec<_> = last.split_whitespace().collect();
+    words.join(" ").chars().take(LONGEST).collect()
+}
