@@ -32,7 +32,7 @@ const EXIT_CODES: &str = "Exit codes:
   3  done, but the input was damaged or never finished (0 with --accept-damage)
   4  done, but --require-calibration was not met
   5  passing trouble, such as a full disk or a server out of reach: the same command may succeed later
-  6  of a list (--inputs-from, --shard, --manifest) all that can be done is done; what is left no retry mends";
+  6  of a list (--inputs-from, --shard, --manifest, a prefix) all that can be done is done; what is left no retry mends";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -397,7 +397,7 @@ pub struct Convention {
 #[derive(Debug, Args)]
 pub struct Merge {
     /// Recordings of one sensor or several: annotated ones and sidecars, whose rests are read; or raw ones, which are looked
-    /// through first
+    /// through first. A prefix of a store (s3://bucket/prefix/) stands for the results under it
     #[arg(value_name = "INPUT", required_unless_present = "inputs_from", value_parser = on_disk())]
     pub inputs: Vec<PathBuf>,
     /// A file that lists further recordings, one a line; - for standard input
