@@ -12,7 +12,7 @@ use super::frame_window::Frame;
 use super::records::{AttachmentIndex, ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, footer, read};
 use super::wire::{DATA_END, FRAME, op};
-use super::{Chunk, Error};
+use super::{Channel, Chunk, Error, Schema};
 
 /// Longest summary that is read, in bytes: no recorder writes a longer one.
 const LIMIT: u64 = 256 << 20;
@@ -25,6 +25,8 @@ const ENTRY: u64 = 16;
 pub struct Places {
     chunks: Vec<Place>,
     attachments: BTreeMap<u64, AttachmentIndex>,
+    schemas: BTreeMap<u16, Schema>,
+    channels: BTreeMap<u16, Channel>,
 }
 
 /// Place of a chunk and of its message indexes.
@@ -114,6 +116,8 @@ impl Places {
                 op::ATTACHMENT_INDEX => AttachmentIndex::parse(body).map(|index| {
                     places.attachments.insert(index.offset, index);
                 }),
+                op::SCHEMA => Schema::parse(body).map(|schema| drop(places.schemas.insert(schema.id, schema))),
+                op::CHANNEL => Channel::parse(body).map(|channel| drop(places.channels.insert(channel.id, channel))),
                 _ => Some(()),
             };
             if understood.is_none() {
@@ -164,14 +168,30 @@ impl Places {
         self.from(offset).find(|place| place.index.offset >= offset).map(Place::chunk)
     }
 
+    /// Definition of a channel, and its schema if it has one; `None` if the summary does not define both.
+    pub(super) fn definition(&self, channel: u16) -> Option<(Option<&Schema>, &Channel)> {
+        let channel = self.channels.get(&channel)?;
+        match channel.schema_id {
+            0 => Some((None, channel)),
+            id => Some((Some(self.schemas.get(&id)?), channel)),
+        }
+    }
+
+    /// Whether the summary defines a channel.
+    pub fn defines(&self, channel: u16) -> bool {
+        self.definition(channel).is_some()
+    }
+
     /// Range of the chunk that begins at an offset, with its message indexes.
     pub fn range(&self, offset: u64) -> Option<Range<u64>> {
         self.chunk(offset).map(|place| offset..place.end())
     }
 
-    /// Offset of the first chunk.
-    pub fn start(&self) -> u64 {
-        self.chunks.first().map_or(0, |place| place.index.offset)
+    /// Offset of the first chunk, or of its end if it is so short that it costs nothing to read it along.
+    pub fn start_with_little(&self) -> u64 {
+        const LITTLE: u64 = 128 << 10;
+        let first = self.chunks.first();
+        first.map_or(0, |place| if place.index.length <= LITTLE { place.end() } else { place.index.offset })
     }
 }
 

@@ -1,5 +1,6 @@
 """An S3 server on loopback (moto) behind a small proxy that counts what is transferred and makes trouble when asked to."""
 
+import logging
 import os
 import socket
 import struct
@@ -13,6 +14,7 @@ import boto3
 from moto.server import ThreadedMotoServer
 
 BUCKET = "fleet"
+logging.getLogger("werkzeug").setLevel(logging.ERROR)
 
 
 class Proxy(ThreadingHTTPServer):

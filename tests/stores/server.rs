@@ -36,7 +36,8 @@ impl Server {
 }
 
 fn answer(mut stream: &TcpStream, file: &[u8], asked: &Mutex<Vec<(u64, u64)>>, trouble: Trouble) -> Option<()> {
-    let lines: Vec<_> = BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+    let lines: Vec<_> =
+        BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
     let is_file = lines.first()?.contains(".mcap ");
     let range = lines.iter().find_map(|line| line.to_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
     let (from, until) = range.as_deref().unwrap_or("0-").split_once('-')?;
@@ -63,7 +64,9 @@ fn answer(mut stream: &TcpStream, file: &[u8], asked: &Mutex<Vec<(u64, u64)>>, t
     match trouble {
         _ if !is_file => stream.write_all(head("404 Not Found", 0).as_bytes()).ok()?,
         Some("whole") => {
-            stream.write_all(format!("HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nETag: \"1\"\r\n\r\n").as_bytes()).ok()?;
+            stream
+                .write_all(format!("HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nETag: \"1\"\r\n\r\n").as_bytes())
+                .ok()?;
             stream.write_all(file).ok()?;
         }
         Some("cut") => {

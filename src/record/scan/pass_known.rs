@@ -4,12 +4,15 @@ use std::sync::Arc;
 
 use super::{Scan, Stage, Step, Supply};
 use crate::record::Places;
+use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::Frame;
+use crate::record::places::Place;
 use crate::record::wire::{FRAME, op};
 
 impl Scan {
     /// Uses what the summary says of the places of chunks. They are offered before a byte of them is read, and one that
-    /// is answered by [`Supply::Unread`] is passed with its message indexes. Attachments are passed, too.
+    /// is answered by [`Supply::Unread`] is passed with its message indexes. Attachments are passed, too. The channel of a
+    /// chunk that brings one new channel is known before the chunk is offered; of several, only the chunk tells their order.
     pub fn knowing(self, places: Arc<Places>) -> Self {
         Self { places: Some(places), ..self }
     }
@@ -39,7 +42,7 @@ impl Scan {
             Some((at, Supply::Unread)) if *at == offset => {}
             Some((at, _)) if *at == offset => return false,
             _ => {
-                if !self.close_chunk(Some(whole)) {
+                if !self.close_chunk(Some(whole)) && !self.define_one(&places, place) {
                     self.stage = Stage::Offering(place.frame());
                 }
                 return true;
@@ -61,5 +64,20 @@ impl Scan {
         self.queue.push_back(Step::ChunkEnd);
         self.pass(whole);
         true
+    }
+
+    /// Defines the only new channel of a chunk by the summary. Returns whether it did.
+    fn define_one(&mut self, places: &Places, place: &Place) -> bool {
+        let known = self.inventory.channels();
+        let mut new = place.index.message_indexes.keys().filter(|channel| !known.contains_key(channel));
+        let (Some(&channel), None) = (new.next(), new.next()) else { return false };
+        let Some((schema, channel)) = places.definition(channel) else { return false };
+        let (schemas, channels) = (schema.cloned().into_iter().collect(), vec![channel.clone()]);
+        let survey = ChunkCheck { schemas, channels, ..ChunkCheck::default() };
+        let has_room = self.inventory.refuses(&survey, &self.limits).is_none();
+        if has_room {
+            self.admit(place.frame(), survey);
+        }
+        has_room
     }
 }

@@ -274,7 +274,7 @@ impl Scan {
     }
 
     /// Notes the definitions and messages of records that are in order.
-    fn admit(&mut self, frame: Frame, survey: ChunkCheck) {
+    pub(super) fn admit(&mut self, frame: Frame, survey: ChunkCheck) {
         self.inventory.count(&survey);
         for schema in survey.schemas {
             let id = schema.id;

@@ -6,7 +6,8 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SendError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::Error;
@@ -37,6 +38,8 @@ pub(crate) struct Prefetch<'a> {
     /// A chunk that it was too early to judge.
     postponed: Option<Chunk>,
     room: u64,
+    /// Set at the end, so that threads do not request what was queued.
+    over: Arc<AtomicBool>,
     queue: VecDeque<Coming>,
     /// Bytes that the queue takes, compressed and decompressed.
     held: u64,
@@ -58,6 +61,8 @@ pub(crate) struct Job {
     /// Range to request first, if the recording is an object.
     span: Option<Range<u64>>,
     done: Sender<Opened>,
+    /// Whether nothing is needed any more.
+    over: Arc<AtomicBool>,
 }
 
 /// Opens chunks until no more can be requested.
@@ -65,7 +70,10 @@ pub(crate) fn open_chunks(jobs: &Mutex<Receiver<Job>>, recording: &Recording, li
     let mut opener = Opener::new(limits);
     loop {
         let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(Job { chunks, span, done }) = job else { return };
+        let Ok(Job { chunks, span, done, over }) = job else { return };
+        if over.load(Ordering::Relaxed) {
+            return;
+        }
         if let (Some(object), Some(span)) = (recording.source().object(), span) {
             object.fetch(&span);
         }
@@ -88,16 +96,18 @@ impl<'a> Prefetch<'a> {
     pub(crate) fn new(recording: &'a Recording, limits: Limits, work: Sender<Job>) -> Self {
         let room = if recording.source().is_object() { ROOM_FOR_REQUESTS } else { ROOM };
         let chunks = Chunks::new(0, recording.length());
-        let (queue, spare) = (VecDeque::new(), Vec::new());
-        Self { recording, limits, work, chunks, spans: None, postponed: None, room, queue, held: 0, spare }
+        let (over, queue, spare) = (Arc::default(), VecDeque::new(), Vec::new());
+        Self { recording, limits, work, chunks, spans: None, postponed: None, room, over, queue, held: 0, spare }
     }
 
-    /// The same for an object by what its summary says. Requests the first chunk and what lies in front of it at once.
-    pub(crate) fn knowing(self, places: Arc<Places>) -> Result<Self, Error> {
-        let (chunks, spans) = (Chunks::known(Arc::clone(&places)), Some(Spans::new(places)));
-        let mut ahead = Self { chunks, spans, ..self };
-        ahead.fill(&Inventory::default(), &|_: &[u16]| false)?;
-        Ok(ahead)
+    /// Goes by what the summary of an object says. Requests what lies in front of the first chunk.
+    pub(crate) fn know(&mut self, places: Arc<Places>) {
+        if let Some(object) = self.recording.source().object() {
+            let start = 0..places.start_with_little();
+            object.announce(&start);
+            object.fetch(&start);
+        }
+        (self.chunks, self.spans) = (Chunks::known(Arc::clone(&places)), Some(Spans::new(places)));
     }
 
     /// Supplies the chunk at `offset`, up to which the recording was scanned. `is_useless` tells whether chunks with
@@ -211,7 +221,16 @@ impl<'a> Prefetch<'a> {
             object.announce(span);
         }
         // Without threads nothing comes back, and the scan opens every chunk itself.
-        let _ = self.work.send(Job { chunks: std::mem::take(batch), span, done });
+        let job = Job { chunks: std::mem::take(batch), span, done, over: Arc::clone(&self.over) };
+        if let Err(SendError(Job { span: Some(span), .. })) = self.work.send(job) {
+            self.recording.source().object().iter().for_each(|object| object.fetch(&span));
+        }
+    }
+}
+
+impl Drop for Prefetch<'_> {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
     }
 }
 

@@ -54,7 +54,10 @@ impl Recording {
         let object = self.source().object();
         if let Some(object) = object {
             match self.places(listener.verifies())? {
-                Some(places) => (scan, ahead) = (scan.knowing(Arc::clone(&places)), ahead.knowing(places)?),
+                Some(places) => {
+                    ahead.know(Arc::clone(&places));
+                    scan = scan.knowing(places);
+                }
                 None => object.read_in_blocks(),
             }
         }

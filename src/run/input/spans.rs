@@ -21,7 +21,7 @@ const LONG: u64 = 8 << 20;
 pub(super) enum Need {
     /// It is not.
     None,
-    /// It holds what is used, or the first messages of a channel, in front of which the channel is defined.
+    /// It holds what is used, or defines channels in an order that nothing else tells.
     Some,
     /// It cannot be told before an earlier chunk was scanned.
     Unknown,
@@ -51,10 +51,14 @@ impl Spans {
         let (known, unknown): (Vec<_>, Vec<_>) =
             channels.iter().partition(|channel| scanned.channels().contains_key(channel));
         let is_used = !known.is_empty() && !is_useless(&known);
-        let need = match () {
-            () if is_used || unknown.iter().any(|channel| !self.met.contains(channel)) => Need::Some,
-            () if unknown.is_empty() => Need::None,
-            () => Need::Unknown,
+        let is_new = |channel: &u16| !self.met.contains(channel);
+        let need = match unknown.as_slice() {
+            _ if is_used => Need::Some,
+            [] => Need::None,
+            // The scan will know the channel by the summary once it comes to the chunk.
+            [one] if self.places.defines(*one) => Need::Unknown,
+            unknown if unknown.iter().any(is_new) => Need::Some,
+            _ => Need::Unknown,
         };
         if need == Need::Some {
             self.met.extend(channels);
@@ -66,8 +70,7 @@ impl Spans {
     pub(super) fn add(&mut self, offset: u64) -> bool {
         let Some(range) = self.places.range(offset) else { return true };
         if self.span.is_empty() {
-            let is_first = offset == self.places.start() && offset <= GAP;
-            (self.span, self.gaps) = (if is_first { 0 } else { range.start }..range.end, 0);
+            (self.span, self.gaps) = (range, 0);
             return true;
         }
         let gap = range.start.saturating_sub(self.span.end);
