@@ -91,7 +91,7 @@ for number in range(SENSORS * EACH):
     # The first of them can still be used, the others not at all.
     if number % (SENSORS * EACH // BAD) == 1:
         kind = len(bad)
-        content = [content[: len(content) * 3 // 4], b"", b"no recording at all, and longer than its magic"][kind % 3]
+        content = [content[:-40], b"", b"no recording at all, and longer than its magic"][kind % 3]
         path.write_bytes(content)
         bad[name] = kind % 3
     store.put(f"in/{name}", content)

@@ -55,7 +55,7 @@ def counted(what):
 run("simulate", "demo", "-o", folder / "demo.mcap", "-q")
 rates = ["--set", "accelerometer.rate_hz=400", "--set", "gyroscope.rate_hz=400"]
 run("simulate", "demo", "-o", folder / "fast.mcap", *rates, "-q")
-sparse(folder / "fast.mcap", folder / "sparse.mcap", camera=150_000, seconds=2.0)
+sparse(folder / "fast.mcap", folder / "sparse.mcap", camera=90_000, seconds=2.0)
 recording = folder / "sparse.mcap"
 store.client.upload_file(str(recording), BUCKET, "a/sparse.mcap")
 
@@ -138,7 +138,8 @@ for number in range(5):
 store.put("list/broken.mcap", b"no recording at all, and longer than the magic")
 store.put("list/empty.mcap", b"")
 manifest = folder / "manifest.jsonl"
-assert run("annotate", f"{URL}/list/", "--manifest", manifest, code=6).stderr.count("error") == 2
+said = run("annotate", f"{URL}/list/", "--manifest", manifest, code=6).stderr
+assert said.count("error: ") == 2, said
 outcomes = {line["input"].split("list/")[1]: line["outcome"] for line in lines(manifest)}
 assert sorted(outcomes.values()) == ["hopeless"] * 2 + ["written"] * 5, outcomes
 sidecar = local(folder / "demo.mcap")
@@ -175,16 +176,13 @@ for args, code, word in (
     print(f"  {errors[0]}")
 
 print("== Trouble that passes")
-counts = {}
 
 
-def every(what, number, method=("GET", "PUT", "HEAD", "POST")):
-    """Trouble for each request of which this number was not reached before."""
+def first(what, number):
+    """Trouble with the first requests of each kind and place."""
     seen = {}
 
     def ask(request):
-        if request.command not in method:
-            return None
         key = (request.command, request.path, request.headers.get("Range"))
         seen[key] = seen.get(key, 0) + 1
         return what if seen[key] <= number else None
@@ -192,19 +190,36 @@ def every(what, number, method=("GET", "PUT", "HEAD", "POST")):
     return ask
 
 
-for what, number in (("error", 2), ("lost", 1), ("cut", 1), ("slow", 1), ("unanswered", 1)):
-    key = f"t/{what}.mcap"
-    store.put(key, whole)
+def each(what, step):
+    """Trouble with one in so many requests."""
+    count = iter(range(1, 1 << 30))
+    return lambda request: what if request.command == "GET" and next(count) % step == 0 else None
+
+
+sparse(folder / "fast.mcap", folder / "small.mcap", camera=10_000, seconds=5.0)
+small = folder / "small.mcap"
+for what, trouble in (
+    ("error", first("error", 2)),
+    ("lost", first("lost", 1)),
+    ("cut", each("cut", 3)),
+    ("slow", each("slow", 1)),
+    ("unanswered", first("unanswered", 1)),
+):
+    store.put(f"t/{what}.mcap", small.read_bytes())
     store.proxy.reset()
     began = time.monotonic()
-    with store.trouble(every(what, number)):
-        run("annotate", f"{URL}/{key}", "-q")
-    print(f"  {what}: {len(store.proxy.requests)} requests, {time.monotonic() - began:.1f} s")
-    assert store.get(f"t/{what}.stillpoint.mcap") == local(recording)
-    with store.trouble(every(what, number)):
-        run("annotate", f"{URL}/{key}", "-o", f"{URL}/t/{what}.whole.mcap", "-q")
+    with store.trouble(trouble):
+        run("annotate", f"{URL}/t/{what}.mcap", "-q")
+    print(f"  {what}: {len(store.proxy.requests)} requests, {time.monotonic() - began:.1f} s", flush=True)
+    assert store.get(f"t/{what}.stillpoint.mcap") == local(small)
+for what, trouble in (("error", first("error", 1)), ("cut", each("cut", 5)), ("unanswered", first("unanswered", 1))):
+    with store.trouble(trouble):
+        run("annotate", f"{URL}/a/sparse.mcap", "-o", f"{URL}/t/{what}.whole.mcap", "-q")
     assert store.get(f"t/{what}.whole.mcap") == annotated
-    assert not store.unfinished()
+    # Of an upload whose answer was lost nobody knows the number; the rules of the bucket drop it.
+    assert len(store.unfinished()) <= (what == "unanswered")
+for upload in store.unfinished():
+    store.client.abort_multipart_upload(Bucket=BUCKET, Key=upload["Key"], UploadId=upload["UploadId"])
 
 print("== Trouble that stays: passing, and no half result")
 for what in ("error", "lost"):
@@ -223,7 +238,7 @@ with store.trouble(lambda request: "error" if "sparse.mcap" in request.path else
 assert [line["outcome"] for line in lines(manifest)] == ["passing", "hopeless"]
 
 print("== Killed, and two at once")
-for seconds in (0.1, 0.3, 0.6, 1.0, 1.5):
+for seconds in (0.1, 0.5, 1.5):
     with store.trouble(lambda request: "slow" if request.command in ("PUT", "GET") else None):
         args = [stillpoint, "annotate", f"{URL}/a/sparse.mcap", "-o", f"{URL}/k/x.mcap", "-q"]
         running = subprocess.Popen(args, env=store.environment())
@@ -263,7 +278,7 @@ print("== Throughput: a shard in the store against the same in files")
 times = {}
 for place in ("files", "store"):
     target = folder / "out" if place == "files" else f"{URL}/speed"
-    sources = [folder / f"s{n}.mcap" if place == "files" else f"{URL}/s/{n}.mcap" for n in range(6)]
+    sources = [folder / f"s{n}.mcap" if place == "files" else f"{URL}/s/{n}.mcap" for n in range(4)]
     for n, source in enumerate(sources):
         source.write_bytes(whole) if place == "files" else store.put(f"s/{n}.mcap", whole)
     listing.write_text("".join(f"{source}\n" for source in sources))

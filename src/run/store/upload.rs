@@ -100,9 +100,12 @@ impl Upload {
         if !self.replaces && marked(path)?.is_some() {
             return Err(Error::Exists(path.clone()));
         }
-        let upload = wait(path, async {
-            let options = PutMultipartOptions { attributes: attributes(&self.mark), ..PutMultipartOptions::default() };
-            store.put_multipart_opts(key, options).await.map_err(|refusal| refused(path, "write", refusal))
+        let upload = patiently(|| {
+            wait(path, async {
+                let options =
+                    PutMultipartOptions { attributes: attributes(&self.mark), ..PutMultipartOptions::default() };
+                store.put_multipart_opts(key, options).await.map_err(|refusal| refused(path, "write", refusal))
+            })
         })?;
         Ok(WriteMultipart::new_with_chunk_size(upload, self.part as usize))
     }
@@ -117,31 +120,29 @@ impl Upload {
         if let Some(mut parts) = self.parts().take() {
             let _inside = runtime(&path)?.enter();
             parts.write(&std::mem::take(&mut self.pending));
-            return wait(&path, async {
-                parts.finish().await.map_err(|refusal| refused(&path, "write", refusal)).map(|_| Written::Now)
-            });
+            let done = wait(&path, async { Ok(parts.finish().await) })?;
+            return match done.map_err(|refusal| refused(&path, "write", refusal)) {
+                Ok(_) => Ok(Written::Now),
+                // Perhaps only the answer was lost.
+                Err(error) => match patiently(|| marked(&path)) {
+                    Ok(Some(Some(there))) if there.is_of(&self.mark) => Ok(Written::Now),
+                    _ => Err(error),
+                },
+            };
         }
         let payload = PutPayload::from(std::mem::take(&mut self.pending));
-        let (begun, patience) = (Instant::now(), retry().retry_timeout);
-        let mut pause = Duration::from_millis(200);
-        loop {
+        let put = patiently(|| {
             let put = wait(&path, async { Ok(self.put_whole(payload.clone()).await) })?;
-            let refusal = match put {
-                Ok(()) => return Ok(Written::Now),
-                Err(refusal) => refused(&path, "write", refusal),
-            };
-            match refusal {
-                // Another one came first, or an attempt of ours whose answer was lost.
-                Error::Exists(_) => {
-                    return match marked(&path)?.flatten() {
-                        Some(there) if there.is_of(&self.mark) => Ok(Written::Before),
-                        _ => Err(Error::Exists(path)),
-                    };
-                }
-                Error::OutOfReach { .. } if begun.elapsed() + pause < patience => std::thread::sleep(pause),
-                refusal => return Err(refusal),
-            }
-            pause *= 2;
+            put.map_err(|refusal| refused(&path, "write", refusal))
+        });
+        match put {
+            Ok(()) => Ok(Written::Now),
+            // Another one came first, or an attempt of ours whose answer was lost.
+            Err(Error::Exists(_)) => match marked(&path)?.flatten() {
+                Some(there) if there.is_of(&self.mark) => Ok(Written::Before),
+                _ => Err(Error::Exists(path)),
+            },
+            Err(error) => Err(error),
         }
     }
 
@@ -171,6 +172,19 @@ fn attributes(mark: &Mark) -> Attributes {
     let mut attributes = Attributes::new();
     attributes.insert(Attribute::Metadata(ATTRIBUTE.into()), mark.text().into());
     attributes
+}
+
+/// Repeats what the crate does not repeat by itself, since it cannot know that it may.
+fn patiently<T>(mut attempt: impl FnMut() -> Result<T, Error>) -> Result<T, Error> {
+    let (begun, patience) = (Instant::now(), retry().retry_timeout);
+    let mut pause = Duration::from_millis(200);
+    loop {
+        match attempt() {
+            Err(Error::OutOfReach { .. }) if begun.elapsed() + pause < patience => std::thread::sleep(pause),
+            done => return done,
+        }
+        pause *= 2;
+    }
 }
 
 /// Mark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
