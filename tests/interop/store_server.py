@@ -133,7 +133,7 @@ class Store:
     def environment(self, past_proxy=False, **more):
         port = self.server_port if past_proxy else self.proxy.port
         url = f"http://127.0.0.1:{port}"
-        return dict(os.environ, AWS_ENDPOINT_URL=url, AWS_ALLOW_HTTP="true", STILLPOINT_RETRY_S="20", **more)
+        return {**os.environ, "AWS_ENDPOINT_URL": url, "AWS_ALLOW_HTTP": "true", "STILLPOINT_RETRY_S": "20", **more}
 
     def put(self, key, content):
         self.client.put_object(Bucket=BUCKET, Key=key, Body=content)

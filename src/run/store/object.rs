@@ -197,7 +197,8 @@ async fn get(
     Err(Refusal::NotImplemented { operation: "get".to_owned(), implementer: "nobody".to_owned() })
 }
 
-/// Whether a store refuses a request for the end of an object: it knows none, or the object is empty.
+/// Whether a store refuses a request for the end of an object: it knows none, or the object may be empty.
 fn is_no_suffix(refusal: &Refusal) -> bool {
-    matches!(refusal, Refusal::NotSupported { .. }) || refusal.to_string().contains("416")
+    let text = refusal.to_string();
+    matches!(refusal, Refusal::NotSupported { .. }) || text.contains("416") || text.contains("non-partial response")
 }
