@@ -251,11 +251,14 @@ for seconds in (0.1, 0.5, 1.5):
         store.client.delete_object(Bucket=BUCKET, Key="k/x.mcap")
 run("annotate", f"{URL}/a/sparse.mcap", "-o", f"{URL}/k/x.mcap", "-q")
 assert store.get("k/x.mcap") == annotated
+for number in range(4):
+    store.put(f"pair/{number}.mcap", demo)
 both = [
-    subprocess.Popen([stillpoint, "annotate", f"{URL}/list/", "--shard", "0/2", "--out-dir", f"{URL}/two", "-q"], env=store.environment(), stderr=subprocess.DEVNULL)
+    subprocess.Popen([stillpoint, "annotate", f"{URL}/pair/", "--shard", "0/2", "--out-dir", f"{URL}/two", "-q"], env=store.environment(), stderr=subprocess.DEVNULL)
     for _ in range(2)
 ]
-assert [process.wait() for process in both] == [6, 6]
+assert [process.wait() for process in both] == [0, 0]
+assert len(store.keys("two/")) == 2
 assert all(store.get(key) == sidecar for key in store.keys("two/"))
 
 print("== A prefix as a service")
