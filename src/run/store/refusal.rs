@@ -18,6 +18,9 @@ pub(super) fn refused(path: &Path, doing: &'static str, refusal: Refusal) -> Err
         _ if text.contains("NoSuchBucket") => {
             input("no such bucket; check its name, and AWS_REGION and AWS_ENDPOINT_URL in the environment")
         }
+        _ if text.contains("non-partial response") || text.contains("Range request not supported") => {
+            input("the server sends whole files only, and this reads parts of them; copy the file here first")
+        }
         Refusal::NotFound { .. } => {
             input("no such object; all recordings under a prefix are meant by its name with a slash behind it")
         }
@@ -35,9 +38,6 @@ pub(super) fn refused(path: &Path, doing: &'static str, refusal: Refusal) -> Err
             "no credentials; set those of the store in the environment (AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, …), or \
              AWS_SKIP_SIGNATURE=true for a public bucket",
         ),
-        _ if text.contains("non-partial response") => {
-            input("the server sends whole files only, and this reads parts of them; copy the file here first")
-        }
         _ if text.contains("configured region") || text.contains("PermanentRedirect") => {
             input("the bucket is in another region; set AWS_REGION")
         }
