@@ -15,7 +15,7 @@ mod tail;
 mod watch;
 
 pub use crate::pipeline::{Ending, Notice, Notify, Progress};
-pub use batch::{Finished, Form, Options, Report, annotate, calibrate, finished};
+pub use batch::{EarlierResult, Form, Options, Report, annotate, calibrate, finished};
 pub use gather::{Gathered, SensorKey, gather};
 pub use input::{Input, Listener, Made, Watch, made, text};
 pub use inspect::{Channels, Found, ReportData, Use, channels, findings, report_data, strip};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Findings};
-use stillpoint::run::{self, Access, Finished, Form, Input, Made, Options, Reads, Report, Stop, Written};
+use stillpoint::run::{self, Access, EarlierResult, Form, Input, Made, Options, Reads, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
@@ -87,11 +87,11 @@ struct Work<'a> {
     outputs: Vec<PathBuf>,
 }
 
-/// Finished work.
+/// EarlierResult work.
 enum Done {
     Now(Report, Written),
     /// A store had the result already.
-    Before(Finished),
+    Before(EarlierResult),
 }
 
 /// The recordings among the inputs, without results of an earlier run on one of them, as when all files of a folder are

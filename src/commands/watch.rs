@@ -91,7 +91,6 @@ fn run_prefix(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error>
         time_limit: args.time_limit,
     };
     let current = || config.read().unwrap_or_else(PoisonError::into_inner).clone();
-    info!("watching {}", args.folder.display());
     run::watch_prefix(&watching, &current, stop, &metrics, &|path, verdict| say(path, &verdict, json))?;
     info!("stopped; what is new by then is annotated by the next watch");
     stop.answered();

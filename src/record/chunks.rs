@@ -8,6 +8,7 @@ use super::Error;
 use super::Inventory;
 use super::Places;
 use super::frame_window::Frame;
+use super::places::KnownChunk;
 use super::records::{ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, summary_section};
 use super::wire::{Fields, op};
@@ -49,6 +50,12 @@ pub struct Chunk {
 }
 
 impl Chunk {
+    fn known(place: &KnownChunk) -> Self {
+        let frame = place.frame();
+        let inflated = place.header().inflated();
+        Self { offset: frame.offset, length: frame.length, inflated, channels: place.channels() }
+    }
+
     /// Range of its body in the file.
     pub fn body(&self) -> std::ops::Range<u64> {
         let start = self.offset + super::wire::FRAME as u64;
@@ -80,7 +87,7 @@ impl Chunks {
     /// If the recording cannot be read.
     pub fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Chunk>, Error> {
         if let Some((places, from)) = &mut self.known {
-            let next = places.next(*from);
+            let next = places.next(*from).map(Chunk::known);
             *from = next.as_ref().map_or(*from, |chunk| chunk.body().end);
             return Ok(next);
         }

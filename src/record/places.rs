@@ -12,7 +12,7 @@ use super::frame_window::Frame;
 use super::records::{AttachmentIndex, ChunkHeader, ChunkIndex};
 use super::walk::{ReadAt, Walk, footer, read};
 use super::wire::{DATA_END, FRAME, op};
-use super::{Channel, Chunk, Error, Schema};
+use super::{Channel, Error, Schema};
 
 /// Longest summary that is read, in bytes: no recorder writes a longer one.
 const LIMIT: u64 = 256 << 20;
@@ -23,21 +23,21 @@ const ENTRY: u64 = 16;
 /// Chunks and attachments that a whole summary lists, in file order, none within another.
 #[derive(Debug, Default)]
 pub struct Places {
-    chunks: Vec<Place>,
+    chunks: Vec<KnownChunk>,
     attachments: BTreeMap<u64, AttachmentIndex>,
     schemas: BTreeMap<u16, Schema>,
     channels: BTreeMap<u16, Channel>,
 }
 
-/// Place of a chunk and of its message indexes.
+/// A chunk, by its index alone.
 #[derive(Debug)]
-pub(super) struct Place {
+pub(super) struct KnownChunk {
     pub(super) index: ChunkIndex,
     /// Whether the message indexes of the chunk are where and as long as the chunk index says.
     sound: bool,
 }
 
-impl Place {
+impl KnownChunk {
     /// Offset of the first byte behind the message indexes.
     pub(super) fn end(&self) -> u64 {
         self.index.offset + self.index.length + self.index.message_indexes_length
@@ -60,13 +60,9 @@ impl Place {
         self.sound.then(|| counts(&self.index)).flatten()
     }
 
-    fn chunk(&self) -> Chunk {
-        Chunk {
-            offset: self.index.offset,
-            length: self.index.length - FRAME as u64,
-            inflated: self.header().inflated(),
-            channels: self.sound.then(|| self.index.message_indexes.keys().copied().collect()),
-        }
+    /// Channels of its messages; `None` if the index does not tell them.
+    pub(super) fn channels(&self) -> Option<Vec<u16>> {
+        self.sound.then(|| self.index.message_indexes.keys().copied().collect())
     }
 }
 
@@ -111,7 +107,7 @@ impl Places {
             let understood = match frame.opcode {
                 op::CHUNK_INDEX => ChunkIndex::parse(body).map(|index| {
                     let sound = counts(&index).is_some();
-                    places.chunks.push(Place { index, sound });
+                    places.chunks.push(KnownChunk { index, sound });
                 }),
                 op::ATTACHMENT_INDEX => AttachmentIndex::parse(body).map(|index| {
                     places.attachments.insert(index.offset, index);
@@ -133,7 +129,7 @@ impl Places {
         self.chunks.sort_unstable_by_key(|place| place.index.offset);
         let long = |length: u64| length >= FRAME as u64;
         let mut free = MAGIC.len() as u64;
-        for Place { index, .. } in &self.chunks {
+        for KnownChunk { index, .. } in &self.chunks {
             let end =
                 index.offset.checked_add(index.length).and_then(|end| end.checked_add(index.message_indexes_length));
             match end.filter(|&end| long(index.length) && index.offset >= free && end <= data_end) {
@@ -149,12 +145,12 @@ impl Places {
     }
 
     /// The chunks that end behind an offset, in order.
-    fn from(&self, offset: u64) -> impl Iterator<Item = &Place> {
+    fn from(&self, offset: u64) -> impl Iterator<Item = &KnownChunk> {
         self.chunks.iter().skip(self.chunks.partition_point(|place| place.end() <= offset))
     }
 
     /// The chunk that begins at an offset.
-    pub(super) fn chunk(&self, offset: u64) -> Option<&Place> {
+    pub(super) fn chunk(&self, offset: u64) -> Option<&KnownChunk> {
         self.from(offset).next().filter(|place| place.index.offset == offset)
     }
 
@@ -163,9 +159,9 @@ impl Places {
         self.attachments.get(&offset)
     }
 
-    /// The first chunk at or behind an offset, as [`Chunks`](super::Chunks) tells it.
-    pub(super) fn next(&self, offset: u64) -> Option<Chunk> {
-        self.from(offset).find(|place| place.index.offset >= offset).map(Place::chunk)
+    /// The first chunk at or behind an offset.
+    pub(super) fn next(&self, offset: u64) -> Option<&KnownChunk> {
+        self.from(offset).find(|place| place.index.offset >= offset)
     }
 
     /// Definition of a channel, and its schema if it has one; `None` if the summary does not define both.

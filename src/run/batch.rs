@@ -4,6 +4,7 @@
 
 mod annotated_writer;
 mod finished;
+mod settings;
 mod split_learner;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +15,8 @@ use std::time::Duration;
 
 pub(super) use self::annotated_writer::Indexes;
 use self::annotated_writer::{Kept, NextBlock, ReadSplit, write_annotated, write_sidecar};
-pub use self::finished::{Finished, finished};
+pub use self::finished::{EarlierResult, finished};
+pub(super) use self::settings::settings;
 use self::split_learner::SplitLearner;
 use crate::Error;
 use crate::annotate::{Corrected, Corrections, is_only_partial};
@@ -28,10 +30,10 @@ use crate::run::input::recording::Watch;
 use crate::run::input::rosbag2::Contents;
 use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
-use crate::run::output::file::Written;
 pub use crate::run::output::options::{Form, Options};
 pub(super) use crate::run::output::set::OutputSet;
-use crate::run::store::Mark;
+use crate::run::output::written::Written;
+use crate::run::store::ResultMark;
 
 /// Findings of a recording.
 #[derive(Debug)]
@@ -66,14 +68,14 @@ pub fn annotate(
     options: Options,
     watch: Watch<'_>,
 ) -> Result<(Report, Written), Error> {
-    annotate_in_order(input, outputs, (&input.configured(config), &Mark::of(config)), options, watch, None)
+    annotate_in_order(input, outputs, (&input.configured(config), &ResultMark::of(config)), options, watch, None)
 }
 
 /// The same, with messages of these channels in log-time order.
 fn annotate_in_order(
     input: &Input,
     outputs: &[PathBuf],
-    (config, mark): (&Config, &Mark),
+    (config, mark): (&Config, &ResultMark),
     options: Options,
     watch: Watch<'_>,
     order: Option<BTreeSet<u16>>,
@@ -234,14 +236,6 @@ fn calibrate_in_order(
         }
     }
     Ok(Report::new(splits.learner.finish(&mut |_| {}), splits.messages))
-}
-
-/// Settings that determine the bytes of the annotations.
-pub(super) fn settings(config: &Config) -> BTreeMap<String, String> {
-    BTreeMap::from([
-        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        ("configuration".to_owned(), config.canonical()),
-    ])
 }
 
 /// Reads the recording again and corrects its messages by the last calibrations. `keep` receives each block and the

@@ -6,7 +6,7 @@ use super::{Scan, Stage, Step, Supply};
 use crate::record::Places;
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::Frame;
-use crate::record::places::Place;
+use crate::record::places::KnownChunk;
 use crate::record::wire::{FRAME, op};
 
 impl Scan {
@@ -67,7 +67,7 @@ impl Scan {
     }
 
     /// Defines the only new channel of a chunk by the summary. Returns whether it did.
-    fn define_one(&mut self, places: &Places, place: &Place) -> bool {
+    fn define_one(&mut self, places: &Places, place: &KnownChunk) -> bool {
         let known = self.inventory.channels();
         let mut new = place.index.message_indexes.keys().filter(|channel| !known.contains_key(channel));
         let (Some(&channel), None) = (new.next(), new.next()) else { return false };

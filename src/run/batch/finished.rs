@@ -1,16 +1,16 @@
-//! Finished work: a result that a store already has.
+//! EarlierResult work: a result that a store already has.
 
 use std::path::Path;
 
-use super::settings;
+use super::settings::settings;
 use crate::Error;
 use crate::config::Config;
 use crate::run::input::recording::Recording;
-use crate::run::store::{Mark, is_url, known_identity, marked};
+use crate::run::store::{ResultMark, is_url, known_identity, marked};
 
 /// A result that a store has, of the same recording and configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Finished {
+pub struct EarlierResult {
     /// Number of damaged places in the recording, and whether every IMU was calibrated; `None` where the result does not
     /// tell.
     pub outcome: Option<(u64, bool)>,
@@ -22,7 +22,7 @@ pub struct Finished {
 /// # Errors
 ///
 /// If the store refuses, or the output is something else.
-pub fn finished(input: &Path, output: &Path, config: &Config) -> Result<Option<Finished>, Error> {
+pub fn finished(input: &Path, output: &Path, config: &Config) -> Result<Option<EarlierResult>, Error> {
     if !is_url(output) {
         return Ok(None);
     }
@@ -30,12 +30,14 @@ pub fn finished(input: &Path, output: &Path, config: &Config) -> Result<Option<F
         true => known_identity(input),
         false => std::fs::metadata(input).ok().filter(std::fs::Metadata::is_file).map(|found| found.len().to_string()),
     };
-    let wanted = Mark { input: identity.unwrap_or_default(), ..Mark::of(config) };
+    let wanted = ResultMark { input: identity.unwrap_or_default(), ..ResultMark::of(config) };
     let Some(found) = marked(output)? else { return Ok(None) };
     match found {
-        Some(mark) if mark.is_of(&wanted) => Ok(Some(Finished { outcome: mark.outcome })),
+        Some(mark) if mark.is_of(&wanted) => Ok(Some(EarlierResult { outcome: mark.outcome })),
         // Put there by another program, from a run on files for instance.
-        None if Recording::open(output)?.settings()? == Some(settings(config)) => Ok(Some(Finished { outcome: None })),
+        None if Recording::open(output)?.settings()? == Some(settings(config)) => {
+            Ok(Some(EarlierResult { outcome: None }))
+        }
         _ => Err(Error::Exists(output.to_owned())),
     }
 }

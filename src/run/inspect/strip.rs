@@ -7,8 +7,9 @@ use crate::record::Piece;
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::METADATA;
 use crate::run::input::splits::Input;
-use crate::run::output::file::{Output, Written};
+use crate::run::output::file::Output;
 use crate::run::output::folder::Folder;
+use crate::run::output::written::Written;
 
 /// Bytes of one copy: large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;

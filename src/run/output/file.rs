@@ -15,7 +15,8 @@ use crate::run::output::in_place::{self, Access};
 use crate::run::output::partial::{Partial, is_end};
 use crate::run::output::reads::Reads;
 use crate::run::output::spill::Spill;
-use crate::run::store::{Mark, Upload, is_url};
+use crate::run::output::written::Written;
+use crate::run::store::{ResultMark, Upload, is_url};
 
 /// Bytes of one copy: large enough for the kernel, small enough to stop between two (64 MiB).
 const COPY: u64 = 64 << 20;
@@ -34,22 +35,6 @@ enum Medium {
     Itself(u64, File),
     /// An object, which appears when it is complete.
     Object(Box<Upload>),
-}
-
-/// Outcome of an output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Written {
-    /// Written now.
-    Now,
-    /// It existed already, with the bytes that would have been written.
-    Before,
-}
-
-impl Written {
-    /// Outcome of two outputs together.
-    pub(crate) fn and(self, other: Self) -> Self {
-        if self == Self::Now { self } else { other }
-    }
 }
 
 impl Output {
@@ -78,7 +63,7 @@ impl Output {
     }
 
     /// Notes the mark that an object gets, and its approximate length in bytes if that is known.
-    pub(crate) fn mark(&mut self, mark: &Mark, length: u64) {
+    pub(crate) fn mark(&mut self, mark: &ResultMark, length: u64) {
         if let Medium::Object(upload) = &mut self.medium {
             upload.mark(mark, length);
         }

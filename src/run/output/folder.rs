@@ -10,10 +10,11 @@ use rustix::io::Errno;
 use crate::Error;
 use crate::run::input::regular;
 use crate::run::input::rosbag2::{self, Bag};
-use crate::run::output::file::{Output, Written};
+use crate::run::output::file::Output;
 use crate::run::output::names::without_ending;
 use crate::run::output::partial::{Partial, folder_beside, rename_new, sync_folder};
 use crate::run::output::reads::Reads;
+use crate::run::output::written::Written;
 
 /// A folder that becomes the result.
 #[derive(Debug)]

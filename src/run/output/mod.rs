@@ -10,9 +10,10 @@ pub(crate) mod reads;
 pub(crate) mod set;
 pub(crate) mod sidecar_file;
 pub(crate) mod spill;
+pub(crate) mod written;
 
-pub use file::Written;
 pub use in_place::{Access, take_back};
 pub use names::default_output;
 pub use partial::Partial;
 pub use reads::Reads;
+pub use written::Written;

@@ -8,12 +8,13 @@ use crate::record::Topic;
 use crate::run::input::recording::Recording;
 use crate::run::input::rosbag2::{Contents, METADATA, ORIGINAL};
 use crate::run::input::splits::Input;
-use crate::run::output::file::{Output, Written};
+use crate::run::output::file::Output;
 use crate::run::output::folder::{self, Folder};
 use crate::run::output::options::{Form, Options};
 use crate::run::output::partial::Partial;
 use crate::run::output::reads::Reads;
-use crate::run::store::{Mark, is_url};
+use crate::run::output::written::Written;
+use crate::run::store::{ResultMark, is_url};
 
 /// Receiver of the annotated splits of a recording, or of its sidecar, one after the other.
 pub(crate) struct OutputSet<'a> {
@@ -22,7 +23,7 @@ pub(crate) struct OutputSet<'a> {
     sync: bool,
     in_place: bool,
     place: Place,
-    mark: Mark,
+    mark: ResultMark,
     written: Written,
 }
 
@@ -35,10 +36,10 @@ enum Place {
 
 impl<'a> OutputSet<'a> {
     /// Opens the outputs: one path for a sidecar, a single file or a folder, one path each for several files.
-    pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options, mark: Mark) -> Result<Self, Error> {
+    pub(crate) fn open(input: &'a Input, paths: &[PathBuf], options: Options, mark: ResultMark) -> Result<Self, Error> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();
         let reads = input.reads();
-        let mark = Mark { input: input.identity(), ..mark };
+        let mark = ResultMark { input: input.identity(), ..mark };
         let files = |outputs: Vec<Output>| Place::Files { next: outputs.into_iter(), whole: Vec::new() };
         let place = match (options.form, &input.bag) {
             (Form::InPlace, _) => files(input.splits.iter().map(Output::itself).collect::<Result<_, _>>()?),
@@ -93,7 +94,7 @@ impl<'a> OutputSet<'a> {
     /// calibrated.
     pub(crate) fn finish(self, contents: &[Contents], own: &[Topic], outcome: (u64, bool)) -> Result<Written, Error> {
         let Self { input, sync, in_place, place, mut written, mark, .. } = self;
-        let mark = Mark { outcome: Some(outcome), ..mark };
+        let mark = ResultMark { outcome: Some(outcome), ..mark };
         let described = input.bag.as_ref().and_then(|bag| Some((bag, bag.original()?, bag.annotated(contents, own)?)));
         match place {
             Place::Files { whole, .. } => {

@@ -1,13 +1,14 @@
-//! Object stores where the program was built without them: every URL is refused.
+//! NoObject stores where the program was built without them: every URL is refused.
 
 use std::convert::Infallible;
 use std::io;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::mark::Mark;
+use super::listed::Listed;
+use super::mark::ResultMark;
 use crate::Error;
-use crate::run::output::file::Written;
+use crate::run::output::written::Written;
 
 fn refused(path: &Path) -> Error {
     let what = "this stillpoint was built without object stores; take the wheel (pip install stillpoint) or the released \
@@ -17,9 +18,9 @@ fn refused(path: &Path) -> Error {
 
 /// An object in a store.
 #[derive(Debug)]
-pub(crate) struct Object(Infallible);
+pub(crate) struct NoObject(Infallible);
 
-impl Object {
+impl NoObject {
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
         Err(refused(path))
     }
@@ -59,14 +60,14 @@ impl Object {
 
 /// A result on its way into a store.
 #[derive(Debug)]
-pub(crate) struct Upload(Infallible);
+pub(crate) struct NoUpload(Infallible);
 
-impl Upload {
+impl NoUpload {
     pub(crate) fn begin(path: &Path, _: bool) -> Result<Self, Error> {
         Err(refused(path))
     }
 
-    pub(crate) fn mark(&mut self, _: &Mark, _: u64) {
+    pub(crate) fn mark(&mut self, _: &ResultMark, _: u64) {
         match self.0 {}
     }
 
@@ -79,19 +80,11 @@ impl Upload {
     }
 }
 
-/// An object that a listing names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Listed {
-    pub(crate) path: PathBuf,
-    pub(crate) length: u64,
-    pub(crate) version: String,
-}
-
 pub(crate) fn list(prefix: &Path) -> Result<Vec<Listed>, Error> {
     Err(refused(prefix))
 }
 
-pub(crate) fn marked(path: &Path) -> Result<Option<Option<Mark>>, Error> {
+pub(crate) fn marked(path: &Path) -> Result<Option<Option<ResultMark>>, Error> {
     Err(refused(path))
 }
 

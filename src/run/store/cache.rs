@@ -10,19 +10,19 @@ use bytes::Bytes;
 /// Parts of an object, none overlapping another.
 #[derive(Debug, Default)]
 pub(super) struct Cache {
-    parts: Mutex<BTreeMap<u64, Part>>,
+    parts: Mutex<BTreeMap<u64, CachedPart>>,
     changed: Condvar,
 }
 
 #[derive(Debug)]
-struct Part {
+struct CachedPart {
     end: u64,
     /// The bytes; `None` while they are on their way.
     bytes: Option<Bytes>,
 }
 
 /// What is known of the bytes at an offset.
-pub(super) enum Found {
+pub(super) enum Held {
     /// The bytes from there on.
     Here(Bytes),
     /// Nobody requested them; whatever was requested begins at this offset.
@@ -30,7 +30,7 @@ pub(super) enum Found {
 }
 
 impl Cache {
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Part>> {
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, CachedPart>> {
         self.parts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -40,7 +40,7 @@ impl Cache {
         let before = parts.range(..range.end).next_back();
         let is_free = range.start < range.end && before.is_none_or(|(_, part)| part.end <= range.start);
         if is_free {
-            parts.insert(range.start, Part { end: range.end, bytes: None });
+            parts.insert(range.start, CachedPart { end: range.end, bytes: None });
         }
         is_free
     }
@@ -64,16 +64,16 @@ impl Cache {
     }
 
     /// The bytes from an offset on, once those on their way are here.
-    pub(super) fn find(&self, offset: u64) -> Found {
+    pub(super) fn find(&self, offset: u64) -> Held {
         let mut parts = self.lock();
         loop {
             let at = parts.range(..=offset).next_back().filter(|(_, part)| offset < part.end);
             match at.map(|(start, part)| (*start, part.bytes.clone())) {
-                Some((start, Some(bytes))) => return Found::Here(bytes.slice((offset - start) as usize..)),
+                Some((start, Some(bytes))) => return Held::Here(bytes.slice((offset - start) as usize..)),
                 Some((_, None)) => {
                     parts = self.changed.wait(parts).unwrap_or_else(PoisonError::into_inner);
                 }
-                None => return Found::Nowhere(parts.range(offset..).next().map(|(start, _)| *start)),
+                None => return Held::Nowhere(parts.range(offset..).next().map(|(start, _)| *start)),
             }
         }
     }
@@ -95,14 +95,14 @@ mod tests {
         assert!(!cache.announce(&(5..11)) && !cache.announce(&(19..30)) && !cache.announce(&(12..13)));
         assert!(cache.announce(&(20..22)));
         std::thread::scope(|scope| {
-            let found = scope.spawn(|| matches!(cache.find(12), Found::Here(bytes) if bytes[..] == [2; 8]));
+            let found = scope.spawn(|| matches!(cache.find(12), Held::Here(bytes) if bytes[..] == [2; 8]));
             cache.fulfil(&(10..20), Some(Bytes::from_static(&[2; 10])));
             assert!(found.join().unwrap());
         });
         cache.fulfil(&(20..22), None);
-        assert!(matches!(cache.find(20), Found::Nowhere(None)));
-        assert!(matches!(cache.find(3), Found::Nowhere(Some(10))));
+        assert!(matches!(cache.find(20), Held::Nowhere(None)));
+        assert!(matches!(cache.find(3), Held::Nowhere(Some(10))));
         cache.forget_before(20);
-        assert!(matches!(cache.find(12), Found::Nowhere(None)));
+        assert!(matches!(cache.find(12), Held::Nowhere(None)));
     }
 }

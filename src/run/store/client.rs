@@ -30,7 +30,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(15);
 
 /// An object or prefix, and the store that it is in.
 #[derive(Clone, Debug)]
-pub(super) struct Location {
+pub(super) struct ObjectPlace {
     pub(super) path: PathBuf,
     pub(super) key: Key,
     pub(super) store: Arc<dyn ObjectStore>,
@@ -38,7 +38,7 @@ pub(super) struct Location {
     pub(super) is_plain: bool,
 }
 
-impl Location {
+impl ObjectPlace {
     /// Understands a URL.
     pub(super) fn of(path: &Path) -> Result<Self, Error> {
         let wrong = |why: String| Error::Usage(format!("{}: {why}", path.display()));

@@ -7,25 +7,16 @@ use std::sync::{LazyLock, Mutex, PoisonError};
 use futures_util::TryStreamExt as _;
 use object_store::ObjectMeta;
 
-use super::client::{Location, wait};
+use super::client::{ObjectPlace, wait};
+use super::listed::Listed;
 use super::refusal::refused;
 use crate::Error;
-
-/// An object that a listing names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Listed {
-    pub(crate) path: PathBuf,
-    /// Length in bytes.
-    pub(crate) length: u64,
-    /// What tells it from another one of the same name.
-    pub(crate) version: String,
-}
 
 static IDENTITIES: LazyLock<Mutex<BTreeMap<PathBuf, String>>> = LazyLock::new(Mutex::default);
 
 /// Lists the MCAP files under a prefix, in the order of their names.
 pub(crate) fn list(prefix: &Path) -> Result<Vec<Listed>, Error> {
-    let Location { path, key, store, .. } = Location::of(prefix)?;
+    let ObjectPlace { path, key, store, .. } = ObjectPlace::of(prefix)?;
     let found = wait(&path, async {
         let found: Result<Vec<_>, _> = store.list(Some(&key)).try_collect().await;
         found.map_err(|refusal| refused(&path, "list it", refusal))

@@ -1,10 +1,10 @@
-//! Mark on a result in a store: what it was made of, so that one request tells finished work.
+//! ResultMark on a result in a store: what it was made of, so that one request tells finished work.
 
 use crate::config::Config;
 
 /// What a result was made of, and what its exit code depends on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Mark {
+pub(crate) struct ResultMark {
     /// Fingerprint of the version and configuration.
     pub(crate) settings: String,
     /// Length of the recording and, of an object, its version; empty where it is not known.
@@ -14,15 +14,15 @@ pub(crate) struct Mark {
     pub(crate) outcome: Option<(u64, bool)>,
 }
 
-impl Mark {
-    /// Mark of a result that is to be made by a configuration.
+impl ResultMark {
+    /// ResultMark of a result that is to be made by a configuration.
     pub(crate) fn of(config: &Config) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         let settings = crc32fast::hash(config.canonical().as_bytes());
         Self { settings: format!("{version}-{settings:08x}"), ..Self::default() }
     }
 
-    /// Mark of a text.
+    /// ResultMark of a text.
     pub(super) fn of_text(text: &str) -> Self {
         Self { settings: format!("text-{:08x}", crc32fast::hash(text.as_bytes())), ..Self::default() }
     }
@@ -35,7 +35,7 @@ impl Mark {
 }
 
 #[cfg(feature = "object-store")]
-impl Mark {
+impl ResultMark {
     /// The mark as the value of one attribute.
     pub(super) fn text(&self) -> String {
         let Self { settings, input, outcome } = self;
@@ -61,17 +61,19 @@ impl Mark {
     }
 }
 
-#[cfg(all(test, feature = "object-store"))]
+#[cfg(test)]
+#[cfg(feature = "object-store")]
 mod tests {
     use super::*;
 
     #[test]
     fn a_mark_reads_back_and_tells_other_settings_and_recordings() {
-        let mark = Mark { input: "10:abc".to_owned(), outcome: Some((2, true)), ..Mark::of(&Config::default()) };
-        assert_eq!(Mark::parse(&mark.text()), Some(mark.clone()));
-        assert_eq!(Mark::parse("of another program"), None);
-        assert!(mark.is_of(&Mark::of(&Config::default())));
-        assert!(!mark.is_of(&Mark { input: "11:abd".to_owned(), ..mark.clone() }));
-        assert!(!mark.is_of(&Mark { settings: "other".to_owned(), ..mark.clone() }));
+        let mark =
+            ResultMark { input: "10:abc".to_owned(), outcome: Some((2, true)), ..ResultMark::of(&Config::default()) };
+        assert_eq!(ResultMark::parse(&mark.text()), Some(mark.clone()));
+        assert_eq!(ResultMark::parse("of another program"), None);
+        assert!(mark.is_of(&ResultMark::of(&Config::default())));
+        assert!(!mark.is_of(&ResultMark { input: "11:abd".to_owned(), ..mark.clone() }));
+        assert!(!mark.is_of(&ResultMark { settings: "other".to_owned(), ..mark.clone() }));
     }
 }

@@ -4,6 +4,7 @@
 //! A URL travels as the path of a recording or result, and only here means more than its text. Without the feature
 //! `object-store`, every URL is refused.
 
+mod listed;
 mod mark;
 mod place;
 
@@ -23,10 +24,11 @@ mod refusal;
 mod upload;
 
 #[cfg(not(feature = "object-store"))]
-pub(crate) use absent::{Listed, Object, Upload, known_identity, list, marked};
+pub(crate) use absent::{NoObject as Object, NoUpload as Upload, known_identity, list, marked};
+pub(crate) use listed::Listed;
 #[cfg(feature = "object-store")]
-pub(crate) use listing::{Listed, known_identity, list};
-pub(crate) use mark::Mark;
+pub(crate) use listing::{known_identity, list};
+pub(crate) use mark::ResultMark;
 #[cfg(feature = "object-store")]
 pub(crate) use object::Object;
 pub use place::{is_prefix, is_url};
@@ -44,7 +46,7 @@ use crate::Error;
 /// If the store refuses, or has another text of that name and `force` is not given.
 pub fn put_text(path: &Path, text: &str, force: bool) -> Result<(), Error> {
     let mut upload = Upload::begin(path, force)?;
-    upload.mark(&Mark::of_text(text), 0);
+    upload.mark(&ResultMark::of_text(text), 0);
     upload.put(text.as_bytes())?;
     upload.finish().map(drop)
 }

@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bytes::Bytes;
 use object_store::{Error as Refusal, GetOptions, GetRange, GetResult, ObjectMeta, ObjectStoreExt as _};
 
-use super::cache::{Cache, Found};
-use super::client::{Location, retry, wait};
+use super::cache::{Cache, Held};
+use super::client::{ObjectPlace, retry, wait};
 use super::listing::identity;
 use super::refusal::refused;
 use crate::Error;
@@ -26,7 +26,7 @@ const BLOCK: u64 = 4 << 20;
 /// An object in a store. It is read as it was when it was opened, or not at all.
 #[derive(Debug)]
 pub(crate) struct Object {
-    location: Location,
+    location: ObjectPlace,
     meta: ObjectMeta,
     end: Bytes,
     cache: Cache,
@@ -43,7 +43,7 @@ impl Object {
     ///
     /// If it is missing or the store refuses.
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
-        let location = Location::of(path)?;
+        let location = ObjectPlace::of(path)?;
         let (meta, end) = wait(path, async {
             let opened = match get(&location, Some(GetRange::Suffix(END)), None).await {
                 // Azure, and an object without any byte.
@@ -101,8 +101,8 @@ impl Object {
             return self.length().saturating_sub(offset) as usize;
         }
         match self.cache.find(offset) {
-            Found::Here(bytes) => bytes.len(),
-            Found::Nowhere(_) => 0,
+            Held::Here(bytes) => bytes.len(),
+            Held::Nowhere(_) => 0,
         }
     }
 
@@ -135,13 +135,13 @@ impl Object {
         if let Some(at) = offset.checked_sub(self.end_start()) {
             return Ok(self.end.slice(at as usize..));
         }
-        if let Found::Here(bytes) = self.cache.find(offset) {
+        if let Held::Here(bytes) = self.cache.find(offset) {
             return Ok(bytes);
         }
         let _alone = self.requesting.lock();
         let next = match self.cache.find(offset) {
-            Found::Here(bytes) => return Ok(bytes),
-            Found::Nowhere(next) => next,
+            Held::Here(bytes) => return Ok(bytes),
+            Held::Nowhere(next) => next,
         };
         let range = match self.block.load(Ordering::Relaxed) {
             0 => offset..offset + wanted.max(LEAST),
@@ -178,7 +178,7 @@ impl Object {
 
 /// Gets a range of an object. A body that breaks off is requested again, also where the crate cannot go on with it.
 async fn get(
-    location: &Location,
+    location: &ObjectPlace,
     range: Option<GetRange>,
     if_match: Option<String>,
 ) -> object_store::Result<(ObjectMeta, Bytes)> {

@@ -10,11 +10,11 @@ use object_store::{
     WriteMultipart,
 };
 
-use super::client::{Location, retry, runtime, wait};
-use super::mark::Mark;
+use super::client::{ObjectPlace, retry, runtime, wait};
+use super::mark::ResultMark;
 use super::refusal::refused;
 use crate::Error;
-use crate::run::output::file::Written;
+use crate::run::output::written::Written;
 
 /// Longest result that is sent in one request (32 MiB).
 const WHOLE: usize = 32 << 20;
@@ -29,11 +29,11 @@ const ATTRIBUTE: &str = "stillpoint";
 /// A result that is being written.
 #[derive(Debug)]
 pub(crate) struct Upload {
-    location: Location,
+    location: ObjectPlace,
     /// Whether an existing object is replaced.
     replaces: bool,
     part: u64,
-    mark: Mark,
+    mark: ResultMark,
     /// What is not sent yet.
     pending: Vec<u8>,
     /// Locked by nobody: it is never shared, but what holds it is.
@@ -47,13 +47,20 @@ impl Upload {
     ///
     /// If the URL is wrong.
     pub(crate) fn begin(path: &Path, replaces: bool) -> Result<Self, Error> {
-        let location = Location::of(path)?;
-        Ok(Self { location, replaces, part: PART, mark: Mark::default(), pending: Vec::new(), parts: Mutex::new(None) })
+        let location = ObjectPlace::of(path)?;
+        Ok(Self {
+            location,
+            replaces,
+            part: PART,
+            mark: ResultMark::default(),
+            pending: Vec::new(),
+            parts: Mutex::new(None),
+        })
     }
 
     /// Notes the mark, of which a large result gets what was noted before its first part was sent, and the approximate
     /// length in bytes.
-    pub(crate) fn mark(&mut self, mark: &Mark, length: u64) {
+    pub(crate) fn mark(&mut self, mark: &ResultMark, length: u64) {
         self.mark = mark.clone();
         self.part = self.part.max(length / PARTS);
     }
@@ -96,7 +103,7 @@ impl Upload {
     /// Begins to send parts. The store shows nothing of them until all are there, but does not tell then whether another
     /// result has taken the name; so it is asked before.
     fn begin_parts(&self) -> Result<WriteMultipart, Error> {
-        let Location { path, key, store, .. } = &self.location;
+        let ObjectPlace { path, key, store, .. } = &self.location;
         if !self.replaces && marked(path)?.is_some() {
             return Err(Error::Exists(path.clone()));
         }
@@ -147,7 +154,7 @@ impl Upload {
     }
 
     async fn put_whole(&self, payload: PutPayload) -> object_store::Result<()> {
-        let Location { key, store, is_plain, .. } = &self.location;
+        let ObjectPlace { key, store, is_plain, .. } = &self.location;
         // A web server takes no conditions: it is asked before.
         let mode = if self.replaces || *is_plain { PutMode::Overwrite } else { PutMode::Create };
         if *is_plain && !self.replaces && look(&self.location).await?.is_some() {
@@ -168,7 +175,7 @@ impl Drop for Upload {
     }
 }
 
-fn attributes(mark: &Mark) -> Attributes {
+fn attributes(mark: &ResultMark) -> Attributes {
     let mut attributes = Attributes::new();
     attributes.insert(Attribute::Metadata(ATTRIBUTE.into()), mark.text().into());
     attributes
@@ -187,13 +194,13 @@ fn patiently<T>(mut attempt: impl FnMut() -> Result<T, Error>) -> Result<T, Erro
     }
 }
 
-/// Mark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
-pub(crate) fn marked(path: &Path) -> Result<Option<Option<Mark>>, Error> {
-    let location = Location::of(path)?;
+/// ResultMark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
+pub(crate) fn marked(path: &Path) -> Result<Option<Option<ResultMark>>, Error> {
+    let location = ObjectPlace::of(path)?;
     wait(path, async { look(&location).await.map_err(|refusal| refused(path, "look at it", refusal)) })
 }
 
-async fn look(location: &Location) -> object_store::Result<Option<Option<Mark>>> {
+async fn look(location: &ObjectPlace) -> object_store::Result<Option<Option<ResultMark>>> {
     let options = GetOptions { head: true, ..GetOptions::default() };
     match location.store.get_opts(&location.key, options).await {
         Err(Refusal::NotFound { source, .. }) if source.to_string().contains("NoSuchBucket") => {
@@ -203,7 +210,7 @@ async fn look(location: &Location) -> object_store::Result<Option<Option<Mark>>>
         found => {
             let attributes = found?.attributes;
             let mark = attributes.get(&Attribute::Metadata(ATTRIBUTE.into()));
-            Ok(Some(mark.and_then(|mark| Mark::parse(mark))))
+            Ok(Some(mark.and_then(|mark| ResultMark::parse(mark))))
         }
     }
 }

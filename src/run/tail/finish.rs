@@ -16,9 +16,9 @@ use crate::record::{Damage, Event, Piece, Sidecar};
 use crate::run::batch::{self, Followed, Form, Indexes, Options, OutputSet, Report};
 use crate::run::input::recording::Recording;
 use crate::run::input::splits::Input;
-use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
-use crate::run::store::Mark;
+use crate::run::output::written::Written;
+use crate::run::store::ResultMark;
 use crate::run::tail::checkpoint::{Split, State};
 
 /// State of a recording's files at its end.
@@ -137,7 +137,7 @@ impl Shell<'_> {
             (blocks, at) = (*until, *end);
         }
         let target =
-            OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options, Mark::default())?;
+            OutputSet::open(input, std::slice::from_ref(&self.output), self.following.options, ResultMark::default())?;
         let mut next = self.sidecar_file.blocks(learned.annotator.topics());
         batch::fold(input, followed, &mut next, learned, target, &batch::settings(self.config), &watch)
     }

@@ -9,8 +9,8 @@ use crate::Error;
 use crate::config::Config;
 use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::run::batch::{Options, Report};
-use crate::run::output::file::Written;
 use crate::run::output::sidecar_file::SidecarFile;
+use crate::run::output::written::Written;
 use crate::run::stop::Stop;
 
 /// Wait between two attempts after a passing error.

@@ -12,8 +12,8 @@ use crate::config::Config;
 use crate::pipeline::events::Ending;
 use crate::run::batch::{Form, Options, annotate};
 use crate::run::input::splits::Input;
-use crate::run::output::file::Written;
 use crate::run::output::in_place::Access;
+use crate::run::output::written::Written;
 use crate::run::prefix::with_sidecars;
 use crate::run::stop::Stop;
 use crate::run::tail::Tailed;
@@ -37,12 +37,12 @@ pub struct WatchingPrefix {
 /// What is known of a recording.
 struct Known {
     version: String,
-    state: State,
+    state: KnownState,
     attempts: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum KnownState {
     /// Seen once in this version.
     New,
     /// Tried; to be tried again then.
@@ -65,6 +65,7 @@ pub fn watch_prefix(
     notify: &dyn Fn(&Path, Verdict<'_>),
 ) -> Result<(), Error> {
     with_sidecars(&watching.prefix, watching.out.as_deref())?;
+    tracing::info!("watching {}", watching.prefix.display());
     let mut known: BTreeMap<PathBuf, Known> = BTreeMap::new();
     while stop.check().is_ok() {
         let next_look = Instant::now() + watching.interval;
@@ -75,13 +76,13 @@ pub fn watch_prefix(
                 for (object, sidecar, is_there) in found {
                     let entry = known.get(&object.path).filter(|entry| entry.version == object.version);
                     let state = match entry.map(|entry| entry.state) {
-                        _ if is_there => State::Annotated,
+                        _ if is_there => KnownState::Annotated,
                         Some(state) => state,
-                        None => State::New,
+                        None => KnownState::New,
                     };
                     let is_due = match (entry, state) {
-                        (Some(_), State::New) => true,
-                        (_, State::Again(at)) => at <= Instant::now(),
+                        (Some(_), KnownState::New) => true,
+                        (_, KnownState::Again(at)) => at <= Instant::now(),
                         _ => false,
                     };
                     let attempts = entry.map_or(0, |entry| entry.attempts);
@@ -165,14 +166,14 @@ fn finish(
                 metrics.done(path, &tailed.report, tailed.length);
                 notify(path, Verdict::Annotated(&tailed));
             }
-            (entry.state, entry.attempts) = (State::Annotated, 0);
+            (entry.state, entry.attempts) = (KnownState::Annotated, 0);
         }
         Err(Error::Stopped | Error::Paused) => {}
         Err(error) if error.is_passing() => {
             metrics.error();
             let wait = FIRST_RETRY.saturating_mul(1 << entry.attempts.min(16)).min(LAST_RETRY);
             notify(path, Verdict::Again(&error, wait));
-            (entry.state, entry.attempts) = (State::Again(Instant::now() + wait), entry.attempts + 1);
+            (entry.state, entry.attempts) = (KnownState::Again(Instant::now() + wait), entry.attempts + 1);
         }
         Err(error) => {
             metrics.error();
@@ -182,7 +183,7 @@ fn finish(
             };
             notify(path, Verdict::Quarantined(&reason));
             metrics.forget(path);
-            entry.state = State::LeftAlone;
+            entry.state = KnownState::LeftAlone;
         }
     }
 }
@@ -191,9 +192,9 @@ fn count(known: &BTreeMap<PathBuf, Known>, metrics: &Metrics) {
     let mut states = BTreeMap::from(["waiting", "following", "annotated", "quarantined"].map(|state| (state, 0)));
     for entry in known.values() {
         let state = match entry.state {
-            State::New | State::Again(_) => "waiting",
-            State::Annotated => "annotated",
-            State::LeftAlone => "quarantined",
+            KnownState::New | KnownState::Again(_) => "waiting",
+            KnownState::Annotated => "annotated",
+            KnownState::LeftAlone => "quarantined",
         };
         *states.entry(state).or_default() += 1;
     }

@@ -13,7 +13,7 @@ use super::watching::{WatchState, Watching};
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::events::{Ending, Notice};
-use crate::run::output::file::Written;
+use crate::run::output::written::Written;
 use crate::run::stop::Stop;
 use crate::run::tail::{Following, Tailed, set_aside, tail};
 use crate::run::watch::metrics::Metrics;
