@@ -1,4 +1,4 @@
-//! ResultMark on a result in a store: what it was made of, so that one request tells finished work.
+//! Mark on a result in a store: what it was made of, so that one request tells finished work.
 
 use crate::config::Config;
 
@@ -15,14 +15,14 @@ pub(crate) struct ResultMark {
 }
 
 impl ResultMark {
-    /// ResultMark of a result that is to be made by a configuration.
+    /// Mark of a result that is to be made by a configuration.
     pub(crate) fn of(config: &Config) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         let settings = crc32fast::hash(config.canonical().as_bytes());
         Self { settings: format!("{version}-{settings:08x}"), ..Self::default() }
     }
 
-    /// ResultMark of a text.
+    /// Mark of a text.
     pub(super) fn of_text(text: &str) -> Self {
         Self { settings: format!("text-{:08x}", crc32fast::hash(text.as_bytes())), ..Self::default() }
     }

@@ -194,7 +194,7 @@ fn patiently<T>(mut attempt: impl FnMut() -> Result<T, Error>) -> Result<T, Erro
     }
 }
 
-/// ResultMark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
+/// Mark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
 pub(crate) fn marked(path: &Path) -> Result<Option<Option<ResultMark>>, Error> {
     let location = ObjectPlace::of(path)?;
     wait(path, async { look(&location).await.map_err(|refusal| refused(path, "look at it", refusal)) })
