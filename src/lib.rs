@@ -30,8 +30,8 @@
 //! * [`merge`]: combination of recordings of one sensor.
 //! * [`pipeline`]: the events of a scan through all of these layers, for every reader of recordings.
 //! * [`simulate`]: recordings with known truth.
-//! * [`run`]: the shell. Its rooms: `input` (recordings on disk), `output` (results on disk), `batch`, `tail`, `watch`,
-//!   `live` (viewers), `inspect` (topics, findings, strip).
+//! * [`run`]: the shell. Its rooms: `input` (recordings, on disk or in a store), `output` (results, likewise), `store`
+//!   (object stores), `batch`, `tail`, `watch`, `live` (viewers), `inspect` (topics, findings, strip).
 //! * [`program`]: the command line, with `cli` (what was typed), `commands` (one file a verb) and `console`.
 //!
 //! `src/python/` is a crate of its own on top of all: the module that `pip install stillpoint` gives.

@@ -87,7 +87,7 @@ struct Work<'a> {
     outputs: Vec<PathBuf>,
 }
 
-/// EarlierResult work.
+/// Finished work.
 enum Done {
     Now(Report, Written),
     /// A store had the result already.

@@ -22,7 +22,7 @@ pub fn day(stamp: Stamp) -> String {
 
 /// Date of the Gregorian calendar and time in UTC; `None` for clocks that do not count from 1970. Days to dates by
 /// Hinnant's `civil_from_days`, in years that begin in March.
-pub fn date(stamp: Stamp) -> Option<String> {
+pub(crate) fn date(stamp: Stamp) -> Option<String> {
     const YEAR_2000: i64 = 946_684_800;
     let seconds = stamp.nanos().div_euclid(1_000_000_000);
     if seconds < YEAR_2000 {

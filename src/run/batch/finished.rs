@@ -1,4 +1,4 @@
-//! EarlierResult work: a result that a store already has.
+//! Finished work: a result that a store already has.
 
 use std::path::Path;
 

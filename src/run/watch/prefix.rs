@@ -71,16 +71,17 @@ pub fn watch_prefix(
         let next_look = Instant::now() + watching.interval;
         match with_sidecars(&watching.prefix, watching.out.as_deref()) {
             Ok(found) => {
-                known.retain(|path, _| found.iter().any(|(object, ..)| object.path == *path));
+                // Those that are gone are forgotten with it.
+                let mut before = std::mem::take(&mut known);
                 let mut due = VecDeque::new();
                 for (object, sidecar, is_there) in found {
-                    let entry = known.get(&object.path).filter(|entry| entry.version == object.version);
-                    let state = match entry.map(|entry| entry.state) {
+                    let entry = before.remove(&object.path).filter(|entry| entry.version == object.version);
+                    let state = match entry.as_ref().map(|entry| entry.state) {
                         _ if is_there => KnownState::Annotated,
                         Some(state) => state,
                         None => KnownState::New,
                     };
-                    let is_due = match (entry, state) {
+                    let is_due = match (&entry, state) {
                         (Some(_), KnownState::New) => true,
                         (_, KnownState::Again(at)) => at <= Instant::now(),
                         _ => false,
