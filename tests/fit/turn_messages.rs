@@ -43,8 +43,14 @@ fn turns(events: &[Event]) -> Vec<Turn> {
 #[test]
 fn every_turn_between_rests_is_published_and_judged_again_once_gravity_is_known() {
     let held = Held { accel_bias: Vector3::new(0.2, -0.1, 0.15), placement: 0.005, ..Held::default() };
-    let hand = Hand::new(held, randomness().random()).rest(3.0).through_faces(24);
-    let events = events(&hand);
+    // In the last four the turns tell one entry less well than the others (condition numbers 254 to 476), but well enough.
+    for seed in [randomness().random(), 152, 266, 291, 340] {
+        every_turn_is_published_and_judged(&Hand::new(held.clone(), seed).rest(3.0).through_faces(24));
+    }
+}
+
+fn every_turn_is_published_and_judged(hand: &Hand) {
+    let events = events(hand);
     let first = events.iter().find_map(|event| match &event.message {
         Message::Turn(turn) => Some(turn),
         _ => None,

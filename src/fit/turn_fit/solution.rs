@@ -16,9 +16,6 @@ const OFF: [usize; 3] = [13, 15, 16];
 
 const LEAST_FREEDOM: f64 = 7.0;
 
-/// Largest condition numbers: of the gyroscope's entries alone, and together with the accelerometer's.
-const CONDITIONED: [f64; 2] = [50.0, 100.0];
-
 /// Weighted residual of a turn and its derivatives.
 pub(super) type Whitened = (Vector2<f64>, SMatrix<f64, 2, UNKNOWNS>);
 
@@ -247,11 +244,6 @@ impl<'a> TurnSolution<'a> {
         if solved.freedom < LEAST_FREEDOM {
             return Err(TooLittle::Unchecked { turns: used });
         }
-        let condition = self.condition(&solved).ok_or(TooLittle::Unsolved)?;
-        let limit = CONDITIONED[usize::from(!self.given.triangular)];
-        if condition > limit {
-            return Err(TooLittle::Undistinguished(condition));
-        }
         let sensitivity = inverse_of(&self.at).try_inverse().ok_or(TooLittle::Unsolved)?;
         let stretch = (student_95(solved.freedom) / NORMAL_95).powi(2);
         let covariance = of_sensitivity(&sensitivity, &solved.covariance) * stretch;
@@ -278,7 +270,7 @@ impl<'a> TurnSolution<'a> {
             chi2_per_dof: first.squares / first.freedom.max(1.0),
             freedom: solved.freedom,
             added: self.level.added.sqrt(),
-            condition,
+            condition: self.condition(&solved).ok_or(TooLittle::Unsolved)?,
             redundant: left_out.is_none() && self.is_redundant(&solved, &sensitivity, &half_widths),
         })
     }

@@ -44,9 +44,6 @@ pub enum TooLittle {
         /// Half-width of its 95 % interval.
         half_width: f64,
     },
-    /// Condition number that is too large.
-    #[error("the turns do not tell the axes apart (condition number {0:.0}): turn it about the others, too")]
-    Undistinguished(f64),
     /// Equations without a solution.
     #[error("the turns contradict the rests")]
     Unsolved,
