@@ -243,17 +243,18 @@ impl Engine {
 
     /// Processes the rests that have ended.
     fn learn(&mut self, stamp: Stamp, log_time: u64, at_end: bool, events: &mut Vec<Event>) {
+        let mut solved = None;
         while let Some(rest) = self.segmenter.next_rest() {
             self.turns.rest(&rest);
             self.history.add(rest);
             let solution = self.solve();
             self.hear_noise();
             self.publish(&solution, stamp, log_time, false, events);
-            self.history.shrink();
+            solved = (!self.history.shrink()).then_some(solution);
         }
         if at_end {
             // The noise floor may have settled since the last rest.
-            let solution = self.solve();
+            let solution = solved.unwrap_or_else(|| self.solve());
             self.hear_noise();
             self.publish(&solution, stamp, log_time, true, events);
             let header = publication::header(stamp, &self.config.frame_id);

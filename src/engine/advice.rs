@@ -83,10 +83,12 @@ impl PoseAdviser<'_> {
         if self.attempt.poses == Poses::OnFaces {
             plans.push(search.best(&candidates[..self.judge.fixture.faces().len()], most));
         }
-        // A richer model may gain more than the uncertainty of lengths tells.
+        // A richer model may gain more than the uncertainty of lengths tells, but poses on faces do not lead to it.
         let is_hopeful = |plan: &PosePlan, count| {
             let left = plan.left_after(count).unwrap_or(0.0);
-            now.shape != Parameterisation::TRIANGULAR || !unchecked.is_empty() || count == ROUND || left <= HOPEFUL
+            let on_faces = plan.poses.iter().all(|pose| *pose < self.judge.fixture.faces().len());
+            let richer = now.shape != Parameterisation::TRIANGULAR && !on_faces;
+            richer || !unchecked.is_empty() || count == ROUND || left <= HOPEFUL
         };
         let mut round = None;
         for count in COUNTS {

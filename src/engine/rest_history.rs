@@ -111,8 +111,10 @@ impl RestHistory {
     }
 
     /// Keeps memory constant. Of too many accepted rests on one face, the two nearest in time with like readings are
-    /// merged; if there are no such two, or the rests are rejected ones, the oldest is dropped.
-    pub(super) fn shrink(&mut self) {
+    /// merged; if there are no such two, or the rests are rejected ones, the oldest is dropped. Returns whether there were
+    /// too many.
+    pub(super) fn shrink(&mut self) -> bool {
+        let before = self.entries.len();
         while let Some((kind, same)) = self.crowd() {
             let entries = &self.entries;
             let gap = |pair: &&[usize]| entries[pair[1]].rest.start.since(entries[pair[0]].rest.end);
@@ -125,6 +127,7 @@ impl RestHistory {
                 _ => self.forgotten += self.entries.remove(same[0]).count,
             }
         }
+        self.entries.len() < before
     }
 
     /// Kind of rests of which there are too many, and their indices.

@@ -219,10 +219,11 @@ pub(super) struct MagnitudeEquation {
 
 impl MagnitudeEquation {
     pub(super) fn of(seen: &Observation, given: &Assumptions<'_>, calibration: &Calibration) -> Self {
-        let corrected = calibration.correct(&seen.mean);
+        let inverse = calibration.inverse();
+        let corrected = inverse * (seen.mean - calibration.bias);
         let length = corrected.norm();
         let up = corrected / length.max(f64::MIN_POSITIVE);
-        let by_measured = calibration.inverse().transpose() * up;
+        let by_measured = inverse.tr_mul(&up);
         let noise = by_measured.component_mul(&by_measured).dot(&seen.noise);
         Self { residual: length - given.gravity.value, by_measured, truth: Truth::of(corrected), noise }
     }
@@ -253,7 +254,7 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
-        covariance: bars.covariance(given.shape, &stage.solved, &beside.into()),
+        covariance: bars.covariance(given.shape, &stage.solved, &gain, &beside.into()),
         unmodelled_std: bars.leak_rms,
         inherited_std: 0.0,
         residual_rms: (squares / weights).sqrt(),

@@ -38,7 +38,7 @@ pub fn fit(
 /// same way in the sensor frame at every placement, so that it never averages out. Without even the vertical component,
 /// all of the rotation may point anywhere.
 fn by_earth(shape: Parameterisation, readings: &[Reading], regression: &Regression) -> DMatrix<f64> {
-    let influence: Vec<_> = regression.solved.influence(&regression.solved.gain()).collect();
+    let influence: Vec<_> = regression.solved.influence(&regression.gain).collect();
     let (mut along, mut across) = (DVector::zeros(shape.unknowns()), DVector::<f64>::zeros(shape.unknowns()));
     for (axes, reading) in influence.chunks_exact(3).zip(readings) {
         let by_mean = &axes[0] + &axes[1] + &axes[2];

@@ -38,7 +38,7 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64)
     // whenever the IMU rests on it, so the effects of its placements add up.
     let solved = &regression.solved;
     let sensitivity = shape.calibration(&solved.solution.x).sensitivity;
-    let influence: Vec<_> = solved.influence(&solved.gain()).collect();
+    let influence: Vec<_> = solved.influence(&regression.gain).collect();
     let mut faces: Vec<(Vector3<f64>, MatrixXx3<f64>)> = Vec::new();
     let mut other = DMatrix::zeros(shape.unknowns(), shape.unknowns());
     for (axes, (seen, reading)) in influence.chunks_exact(3).zip(observations.iter().zip(&readings)) {

@@ -1,7 +1,7 @@
 //! Regression of the readings of a triad at rest on known true values: the gyroscope on specific force, a secondary
 //! accelerometer on the primary, an accelerometer on an accurate fixture.
 
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::calibration::Calibration;
 use super::config::Loss;
@@ -31,6 +31,8 @@ pub struct Reading {
 pub(super) struct Regression {
     pub(super) shape: Parameterisation,
     pub(super) solved: Solved,
+    /// Derivative of the unknowns with respect to each weighted target.
+    pub(super) gain: DMatrix<f64>,
     pub(super) bars: Uncertainty,
     assumed: Assumed,
     /// Residual rms expected from noise alone.
@@ -75,18 +77,18 @@ pub(super) fn regress(
             Some(solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration, &none)?.solution.x)
         }
     };
-    Ok(Regression { shape, solved, bars, assumed, white_rms, unlimited })
+    Ok(Regression { shape, gain: solved.gain(), solved, bars, assumed, white_rms, unlimited })
 }
 
 impl Regression {
     /// Converts the regression to an estimate, with `other` for what the readings do not show. A residual rms that
     /// neither noise nor scatter explains is accepted up to `allowance`.
     pub(super) fn estimate(self, other: &Other, allowance: f64) -> Estimate {
-        let Self { shape, solved, bars, assumed, white_rms, unlimited } = self;
-        let reliability = Reliability::of(&solved, &solved.gain(), GROSS_ERROR);
+        let Self { shape, solved, gain, bars, assumed, white_rms, unlimited } = self;
+        let reliability = Reliability::of(&solved, &gain, GROSS_ERROR);
         let mut estimate = Estimate {
             shape,
-            covariance: bars.covariance(shape, &solved, other),
+            covariance: bars.covariance(shape, &solved, &gain, other),
             unmodelled_std: bars.leak_rms,
             inherited_std: 0.0,
             residual_rms: bars.left_rms,

@@ -67,7 +67,7 @@ pub fn fit(
     // A truth that moves by δ moves the solution like a reading that moves by −S δ. Truths move with the mean of the
     // primary by S'⁻¹; and by −S'⁻¹ J with the primary's parameters, which may have been fitted to that mean.
     let through = shape.calibration(&solved.solution.x).sensitivity * inverse;
-    let influence: Vec<_> = solved.influence(&solved.gain()).collect();
+    let influence: Vec<_> = solved.influence(&regression.gain).collect();
     let by_mean: Vec<_> = influence.chunks_exact(3).map(|axes| (&axes[0] + &axes[1] + &axes[2]) * through).collect();
     let mut by_parameters = DMatrix::zeros(shape.unknowns(), primary.shape.unknowns());
     for (by_mean, reading) in by_mean.iter().zip(&readings) {

@@ -119,10 +119,15 @@ impl Uncertainty {
 
     /// Covariance of the unknowns of a solution, such that each is within 1.96 standard deviations with a probability
     /// of 95 %: it includes Student's quantile. `other` does not come from the equations.
-    pub fn covariance(&self, shape: Parameterisation, solved: &Solved, other: &Other) -> DMatrix<f64> {
-        let gain = solved.gain();
-        let known = solved.spread(&gain, |row| row.noise) + self.leakage(solved, &gain) + &other.covariance;
-        let placements = solved.spread(&gain, Row::gain);
+    pub fn covariance(
+        &self,
+        shape: Parameterisation,
+        solved: &Solved,
+        gain: &DMatrix<f64>,
+        other: &Other,
+    ) -> DMatrix<f64> {
+        let known = solved.spread(gain, |row| row.noise) + self.leakage(solved, gain) + &other.covariance;
+        let placements = solved.spread(gain, Row::gain);
         let mut covariance = known.clone();
         let mut stretch = Vec::new();
         for (i, term) in shape.terms().iter().enumerate() {

@@ -6,16 +6,20 @@ use super::calibration::Calibration;
 use super::parameterisation::{Parameterisation, Term};
 use super::student_t::normal_beyond;
 
-/// Covariance of the error of a corrected reading as a function of direction: with h = (1, true specific force), entry
-/// (i, j) is `hᵀ M h`, with a matrix M for each (i, j).
+/// Covariance of the error of a corrected reading as a function of direction: with h = (1, true specific force), each entry
+/// is `hᵀ M h`, with a matrix M of its own.
 #[derive(Clone, Debug)]
 pub struct ReadingError {
-    forms: [[Matrix4<f64>; 3]; 3],
-    inverse: Matrix3<f64>,
-    gravity: f64,
+    /// Of each of the [`ENTRIES`], the factors of the [`PRODUCTS`] of (1, direction).
+    forms: [[f64; PRODUCTS.len()]; ENTRIES.len()],
     /// Number of unknowns of the model.
     parts: usize,
 }
+
+/// Entries of a symmetric matrix of three rows.
+const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+/// Products of two of four numbers.
+const PRODUCTS: [(usize, usize); 10] = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
 impl ReadingError {
     /// Builds the covariance from that of the parameters and from two standard deviations: of each entry of S that the
@@ -47,15 +51,28 @@ impl ReadingError {
         for (axis, column) in Parameterisation::DIAGONAL.unmodelled().filter_map(|term| place(&term)) {
             forms[axis][axis][(column, column)] += inherited * inherited;
         }
-        Self { forms, inverse, gravity, parts: shape.unknowns() }
+        // δ(S⁻¹(m − b)) = −S⁻¹ ∂measured/∂parameters δparameters.
+        let corrected = |i: usize, j: usize| -> Matrix4<f64> {
+            (0..3)
+                .flat_map(|k| (0..3).map(move |l| (k, l)))
+                .map(|(k, l)| forms[k][l] * (inverse[(i, k)] * inverse[(j, l)]))
+                .sum()
+        };
+        let forms = ENTRIES.map(|(i, j)| {
+            let form = corrected(i, j);
+            let unit = Vector4::new(1.0, gravity, gravity, gravity);
+            PRODUCTS.map(|(a, b)| unit[a] * unit[b] * if a == b { form[(a, a)] } else { form[(a, b)] + form[(b, a)] })
+        });
+        Self { forms, parts: shape.unknowns() }
     }
 
     /// Covariance of the corrected reading while true specific force points along the unit vector `up`, (m/s²)².
     pub fn covariance(&self, up: &Vector3<f64>) -> Matrix3<f64> {
-        let h = Vector4::new(1.0, up.x * self.gravity, up.y * self.gravity, up.z * self.gravity);
-        // δ(S⁻¹(m − b)) = −S⁻¹ ∂measured/∂parameters δparameters.
-        let of_measured = Matrix3::from_fn(|i, j| h.dot(&(self.forms[i][j] * h)));
-        self.inverse * of_measured * self.inverse.transpose()
+        let h = Vector4::new(1.0, up.x, up.y, up.z);
+        let products = PRODUCTS.map(|(a, b)| h[a] * h[b]);
+        let [xx, xy, xz, yy, yz, zz] =
+            self.forms.map(|form| form.iter().zip(&products).map(|(factor, product)| factor * product).sum());
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 
     /// Bound of the length of the error in all directions at once with a probability of 95 %, m/s². The error has as
@@ -109,7 +126,7 @@ pub(super) fn most(inverse: &Matrix3<f64>, off: &Calibration, gravity: f64) -> f
 /// Wilson and Hilferty (1931). Accurate within 2 %.
 fn length(covariance: &Matrix3<f64>, normal: f64) -> f64 {
     let mean = covariance.trace();
-    let spread = (covariance * covariance).trace();
+    let spread = covariance.norm_squared();
     if mean.is_nan() || mean <= 0.0 || spread <= 0.0 {
         return mean.max(0.0).sqrt();
     }

@@ -54,21 +54,14 @@ fn samples(criterion: &mut Criterion) {
 
 /// What a rest costs once 64 are remembered: judged, fitted, and put into messages, secondary included.
 fn refit(criterion: &mut Criterion) {
-    let by_hand = Hand::new(Held::default(), 11).rest(3.0).through_faces(65).samples;
-    let unexplained = (0..11).fold(Session::new(), |session, _| session.rests(&cube(), 2.0)).samples;
-    let config =
-        Config { secondary: vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }], ..Config::default() };
-    for (name, samples) in [("refit of 64 rests", by_hand), ("refit of 64 rests, turns unexplained", unexplained)] {
-        let mut engine = Engine::new(config.clone());
-        let mut events = Vec::new();
-        for (sensor, sample) in &samples {
-            engine.push(*sensor, sample, &mut events);
-            if *sensor == Sensor::Accelerometer {
-                engine.push(Sensor::Secondary(0), sample, &mut events);
-            }
-        }
+    let by_hand = || Hand::new(Held::default(), 11).rest(3.0).through_faces(65).samples;
+    let unexplained = || (0..11).fold(Session::new(), |session, _| session.rests(&cube(), 2.0)).samples;
+    let kinds: [(&str, &dyn Fn() -> Samples); 2] =
+        [("refit of 64 rests", &by_hand), ("refit of 64 rests, turns unexplained", &unexplained)];
+    for (name, samples) in kinds {
         // The recording ends in an open rest: finishing it is one refit.
         criterion.bench_function(name, |bencher| {
+            let engine = before_the_end(&samples());
             bencher.iter_batched(
                 || (engine.clone(), Vec::with_capacity(64)),
                 |(mut engine, mut events)| {
@@ -79,6 +72,20 @@ fn refit(criterion: &mut Criterion) {
             );
         });
     }
+}
+
+/// Engine that has taken these readings, also as those of a secondary accelerometer.
+fn before_the_end(samples: &Samples) -> Engine {
+    let secondary = vec![Secondary { name: "highg".to_owned(), ..Secondary::default() }];
+    let mut engine = Engine::new(Config { secondary, ..Config::default() });
+    let mut events = Vec::new();
+    for (sensor, sample) in samples {
+        engine.push(*sensor, sample, &mut events);
+        if *sensor == Sensor::Accelerometer {
+            engine.push(Sensor::Secondary(0), sample, &mut events);
+        }
+    }
+    engine
 }
 
 criterion_group!(benches, samples, refit);

@@ -1,6 +1,6 @@
 //! Equations of turns on an accelerometer's bias that changes from rest to rest.
 
-use nalgebra::{DMatrix, DVector, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2x3, MatrixXx3, SVector, Vector3};
 
 use super::equations::{DATASHEET, UNKNOWNS};
 use super::session::TurnSession;
@@ -27,8 +27,10 @@ pub(in crate::fit) struct BiasAtRest {
     pub(in crate::fit) time: f64,
     /// Direction of true specific force.
     pub(in crate::fit) up: Vector3<f64>,
-    /// Derivatives of the equations: equations × 3.
-    pub(in crate::fit) by_bias: DMatrix<f64>,
+    /// First equation that depends on it.
+    pub(in crate::fit) first: usize,
+    /// Derivatives of the equations from there on: equations × 3.
+    pub(in crate::fit) by_bias: MatrixXx3<f64>,
 }
 
 impl BiasCourses {
@@ -49,27 +51,31 @@ impl BiasCourses {
         let factors = solution.factors(AS_ASSUMED, None)?;
         let white = solution.whitened(AS_ASSUMED, None)?;
         let rows = 2 * white.len();
-        let mut by_rest = DMatrix::<f64>::zeros(rows, 3 * session.rests.len());
-        for (k, Factor { turn, shared, triangle }) in factors.iter().enumerate() {
-            let equations = &solution.equations[*turn];
-            let mut own = DMatrix::zeros(2, by_rest.ncols());
-            let [from, to] = session.turns.get(*turn)?.rests;
-            for (rest, by_bias) in [to, from].into_iter().zip(equations.by_bias) {
-                let mut block = own.fixed_view_mut::<2, 3>(0, 3 * rest);
-                block += by_bias;
+        let ends: Option<Vec<_>> = factors.iter().map(|factor| Some(session.turns.get(factor.turn)?.rests)).collect();
+        let ends = ends?;
+        let by_rest = |rest: usize| {
+            let first = ends.iter().position(|ends| ends.contains(&rest)).unwrap_or(ends.len());
+            let mut by_bias = MatrixXx3::zeros(rows - 2 * first);
+            let mut before = Matrix2x3::zeros();
+            for (k, (Factor { turn, shared, triangle }, [from, to])) in
+                factors.iter().zip(&ends).enumerate().skip(first)
+            {
+                let mut own = shared.map_or(Matrix2x3::zeros(), |shared| -shared * before);
+                let ends = [to, from].into_iter().zip(&solution.equations[*turn].by_bias);
+                ends.filter(|(end, _)| **end == rest).for_each(|(_, by_bias)| own += by_bias);
+                triangle.solve_lower_triangular_mut(&mut own);
+                by_bias.fixed_rows_mut::<2>(2 * (k - first)).copy_from(&own);
+                before = own;
             }
-            if let (Some(shared), Some(before)) = (shared, k.checked_sub(1)) {
-                own -= shared * by_rest.rows(2 * before, 2);
-            }
-            by_rest.rows_mut(2 * k, 2).copy_from(&triangle.solve_lower_triangular(&own)?);
-        }
+            (2 * first, by_bias)
+        };
         let parameters =
             DVector::from_iterator(UNKNOWNS - Self::BEFORE, solution.at.iter().skip(Self::BEFORE).copied());
         let accelerometer = Parameterisation::TRIANGULAR.calibration(&parameters);
-        let rests = session.rests.iter().enumerate().map(|(k, rest)| BiasAtRest {
-            time: rest.time,
-            up: accelerometer.correct(&rest.force[0]).try_normalize(f64::MIN_POSITIVE).unwrap_or_default(),
-            by_bias: by_rest.columns(3 * k, 3).into_owned(),
+        let rests = session.rests.iter().enumerate().map(|(k, rest)| {
+            let up = accelerometer.correct(&rest.force[0]).try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+            let (first, by_bias) = by_rest(k);
+            BiasAtRest { time: rest.time, up, first, by_bias }
         });
         Some(Self {
             at: solution.at,

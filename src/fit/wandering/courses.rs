@@ -1,6 +1,6 @@
 //! Equations of the placements, and of the turns between them, on a bias that moves.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector3};
 
 use crate::fit::accelerometer::{Assumptions, MagnitudeEquation, Observation};
 use crate::fit::calibration::Calibration;
@@ -38,7 +38,17 @@ struct Carrier {
     /// First equation of the block.
     row: usize,
     /// Derivatives with respect to the three axes.
-    block: DMatrix<f64>,
+    block: MatrixXx3<f64>,
+}
+
+impl Carrier {
+    /// Product of the blocks of two carriers over the equations that they share.
+    fn shared(&self, other: &Self) -> Matrix3<f64> {
+        let first = self.row.max(other.row);
+        let last = (self.row + self.block.nrows()).min(other.row + other.block.nrows()).max(first);
+        let rows = |carrier: &Self| carrier.block.rows(first.saturating_sub(carrier.row), last - first).into_owned();
+        if first == last { Matrix3::zeros() } else { rows(self).tr_mul(&rows(other)) }
+    }
 }
 
 impl BiasEquations {
@@ -114,10 +124,10 @@ impl BiasEquations {
         }
         equations.targets.rows_mut(count, turns.targets.len()).copy_from(&turns.targets);
         equations.design.rows_mut(count, turns.targets.len()).copy_from(&turns.design);
-        let of_rest = |BiasAtRest { time, up, by_bias }: &BiasAtRest| Carrier {
+        let of_rest = |BiasAtRest { time, up, first, by_bias }: &BiasAtRest| Carrier {
             time: *time,
             up: *up,
-            row: count,
+            row: count + first,
             block: by_bias.clone(),
         };
         let blocks = turns.rests.iter().map(of_rest);
@@ -134,7 +144,7 @@ impl BiasEquations {
         self.targets[row] = -line.residual * weight;
         self.telling.push([0, 1, 2].map(|axis| direction[axis].abs() > 0.5 * direction.norm()));
         let up = line.truth.own.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
-        self.carriers.push(Carrier { time, up, row, block: DMatrix::from_row_slice(1, 3, direction.as_slice()) });
+        self.carriers.push(Carrier { time, up, row, block: MatrixXx3::from_row_slice(direction.as_slice()) });
         direction
     }
 
@@ -175,11 +185,20 @@ pub(super) struct Courses {
     pub(super) times: Vec<f64>,
     factor: Cholesky<f64, Dyn>,
     left: DVector<f64>,
+    /// Sums over the block of each carrier.
+    sums: Vec<BlockSums>,
     /// Degrees of freedom of the residuals.
     pub(super) freedom: f64,
     /// Placement that deviates most, and by how much the squares decrease without it.
     pub(super) outlier: (usize, f64),
     by_outlier: DVector<f64>,
+}
+
+/// Products of a block, transposed, with the design (transposed: unknowns × 3), with itself, and with the residuals.
+struct BlockSums {
+    passed: MatrixXx3<f64>,
+    gram: Matrix3<f64>,
+    moment: Vector3<f64>,
 }
 
 impl Courses {
@@ -194,10 +213,12 @@ impl Courses {
         let times: Vec<_> = seen.iter().map(|(time, _)| *time).collect();
         let solved = Self::solved(BiasEquations::of(&seen, given, calibration, turns), times)?;
         // The scatter that is left once the likeliest explanation is taken away.
-        let steps = solved.steps().into_iter().map(|step| (step.explained, step.course));
-        let outlier = (solved.outlier.1, solved.by_outlier.clone());
-        let likeliest = steps.chain([outlier]).max_by(|(a, _), (b, _)| a.total_cmp(b))?;
-        let spread = solved.spread(&likeliest.1)?;
+        let step = solved.steps().into_iter().max_by(|a, b| a.explained.total_cmp(&b.explained));
+        let likeliest = match step.filter(|step| step.explained > solved.outlier.1) {
+            Some(Step { axis, at, .. }) => solved.columns(|time| is_after(time, solved.times[at])).column(axis).into(),
+            None => solved.by_outlier.clone(),
+        };
+        let spread = solved.spread(&likeliest);
         let Self { mut equations, times, .. } = solved;
         equations.scale(spread);
         Self::solved(equations, times)
@@ -212,7 +233,13 @@ impl Courses {
         let known: f64 = factor.inverse().diagonal().component_mul(prior).sum();
         let freedom = left.len() as f64 - (prior.len() as f64 - known);
         let by_outlier = DVector::zeros(left.len());
-        let mut courses = Self { equations, times, factor, left, freedom, outlier: (0, 0.0), by_outlier };
+        let sums = equations.carriers.iter().map(|Carrier { row, block, .. }| BlockSums {
+            passed: design.rows(*row, block.nrows()).tr_mul(block),
+            gram: block.tr_mul(block),
+            moment: block.tr_mul(&left.rows(*row, block.nrows())),
+        });
+        let sums = sums.collect();
+        let mut courses = Self { equations, times, factor, left, sums, freedom, outlier: (0, 0.0), by_outlier };
         for at in 0..courses.times.len() {
             let (explained, course) = courses.as_outlier(at);
             if explained > courses.outlier.1 {
@@ -225,27 +252,27 @@ impl Courses {
     /// Squares that an error of one placement explains, less what chance explains with the additional unknowns, and its
     /// course.
     fn as_outlier(&self, at: usize) -> (f64, DVector<f64>) {
-        let length = DVector::from_fn(self.left.len(), |row, _| f64::from(u8::from(row == at)));
-        let of_length = self.explained(&length).map_or(0.0, |(moment, information)| moment * moment / information);
-        let mut best = (of_length, length);
+        let passed = self.equations.design.row(at).transpose();
+        let of_length =
+            self.left_of(1.0, passed).map_or(0.0, |information| self.left[at] * self.left[at] / information);
         if self.equations.placements < self.left.len() {
             let next = self.times.get(at + 1).copied().unwrap_or(f64::INFINITY);
-            let within = |time: f64| self.times[at] - SAME < time && time < next - SAME;
-            let columns = self.columns(|time| f64::from(u8::from(within(time))));
-            let (information, moment) = self.told_by(&columns);
+            let (first, last) = (self.times[at] - SAME, next - SAME);
+            let (information, moment) = self.told_between(first, last);
             let ridge = Matrix3::identity() * 1e-9 * (1.0 + information.trace());
             if let Some(size) = (information + ridge).try_inverse().map(|inverse| inverse * moment) {
                 let explained = moment.dot(&size) - FURTHER;
-                if explained > best.0 {
-                    best = (explained, columns * size);
+                if explained > of_length {
+                    let within = |time: f64| f64::from(u8::from(first < time && time < last));
+                    return (explained, self.columns(within) * size);
                 }
             }
         }
-        best
+        (of_length, DVector::from_fn(self.left.len(), |row, _| f64::from(u8::from(row == at))))
     }
 
     /// Standard deviations of the residuals of placements and of turns, if such a course explains a part of them.
-    fn spread(&self, course: &DVector<f64>) -> Option<[f64; 2]> {
+    fn spread(&self, course: &DVector<f64>) -> [f64; 2] {
         let BiasEquations { design, placements, .. } = &self.equations;
         let passed = course - design * self.factor.solve(&design.tr_mul(course));
         let information = course.dot(&passed);
@@ -262,40 +289,56 @@ impl Courses {
                 .sum();
             ((squares + TRUST) / (freedom.max(0.0) + TRUST)).sqrt()
         };
-        Some([of(0..*placements), of(*placements..left.len())])
+        [of(0..*placements), of(*placements..left.len())]
     }
 
     /// Course of the equations if each axis of the bias has moved by a share that depends on time.
-    fn columns(&self, share: impl Fn(f64) -> f64) -> DMatrix<f64> {
-        let mut columns = DMatrix::zeros(self.left.len(), 3);
+    fn columns(&self, share: impl Fn(f64) -> f64) -> MatrixXx3<f64> {
+        let mut columns = MatrixXx3::zeros(self.left.len());
         for Carrier { time, row, block, .. } in &self.equations.carriers {
             let share = share(*time);
             if share != 0.0 {
                 let mut there = columns.rows_mut(*row, block.nrows());
-                there += block * share;
+                there.zip_apply(block, |sum, entry| *sum += entry * share);
             }
         }
         columns
     }
 
-    fn told_by(&self, columns: &DMatrix<f64>) -> (Matrix3<f64>, Vector3<f64>) {
-        let passed = self.equations.design.tr_mul(columns);
-        let information = columns.tr_mul(columns) - passed.tr_mul(&self.factor.solve(&passed));
-        let moment = columns.tr_mul(&self.left);
-        (Matrix3::from_fn(|i, j| information[(i, j)]), Vector3::from_fn(|i, _| moment[i]))
-    }
-
     /// Information on a change of each axis that follows `share`, and that information times the change.
     pub(super) fn told(&self, share: impl Fn(f64) -> f64) -> (Matrix3<f64>, Vector3<f64>) {
-        self.told_by(&self.columns(share))
+        let columns = self.columns(share);
+        let passed = self.equations.design.tr_mul(&columns);
+        let information = columns.tr_mul(&columns) - passed.tr_mul(&self.factor.solve(&passed));
+        (Matrix3::from_fn(|i, j| information[(i, j)]), columns.tr_mul(&self.left))
     }
 
-    /// Moment and information of a course; `None` if the unknowns follow it.
-    fn explained(&self, course: &DVector<f64>) -> Option<(f64, f64)> {
-        let passed = self.equations.design.tr_mul(course);
-        let own = course.norm_squared();
-        let information = own - passed.dot(&self.factor.solve(&passed));
-        (information > 1e-6 * own).then(|| (course.dot(&self.left), information))
+    /// The same of a change that lasts from `first` to `last`, both excluded.
+    fn told_between(&self, first: f64, last: f64) -> (Matrix3<f64>, Vector3<f64>) {
+        let carriers = &self.equations.carriers;
+        let start = carriers.partition_point(|carrier| carrier.time <= first);
+        let within = start..start.max(carriers.partition_point(|carrier| carrier.time < last));
+        let mut passed = MatrixXx3::zeros(self.equations.design.ncols());
+        let (mut gram, mut moment) = (Matrix3::zeros(), Vector3::zeros());
+        for at in within.clone() {
+            passed += &self.sums[at].passed;
+            gram += self.sums[at].gram;
+            moment += self.sums[at].moment;
+            for other in within.start..at {
+                let shared = carriers[at].shared(&carriers[other]);
+                gram += shared + shared.transpose();
+            }
+        }
+        self.factor.l_dirty().solve_lower_triangular_mut(&mut passed);
+        (gram - passed.tr_mul(&passed), moment)
+    }
+
+    /// Information that is left of a course of this square once the unknowns have followed it, from the design, transposed,
+    /// times the course; `None` if nothing is.
+    fn left_of(&self, square: f64, mut passed: DVector<f64>) -> Option<f64> {
+        self.factor.l_dirty().solve_lower_triangular_mut(&mut passed);
+        let information = square - passed.norm_squared();
+        (information > 1e-6 * square).then_some(information)
     }
 
     /// Whether a placement tells about an axis by its own length.
@@ -311,25 +354,30 @@ impl Courses {
         let has_turns = self.equations.placements < self.left.len();
         let mut steps = Vec::new();
         for axis in 0..3 {
-            let mut course = DVector::zeros(self.left.len());
-            let mut carriers = self.equations.carriers.iter().rev().peekable();
+            let mut course = DVector::<f64>::zeros(self.left.len());
+            let mut passed = DVector::<f64>::zeros(self.equations.design.ncols());
+            let (mut square, mut moment) = (0.0, 0.0);
+            let mut carriers = self.equations.carriers.iter().zip(&self.sums).rev().peekable();
+            let mut behind = false;
             for at in (1..count).rev() {
-                while let Some(Carrier { row, block, .. }) =
-                    carriers.next_if(|carrier| carrier.time > self.times[at] - SAME)
-                {
+                let joins = |(carrier, _): &(&Carrier, _)| is_after(carrier.time, self.times[at]) > 0.0;
+                while let Some((Carrier { row, block, .. }, own)) = carriers.next_if(joins) {
+                    let block = block.column(axis);
                     let mut there = course.rows_mut(*row, block.nrows());
-                    there += block.column(axis);
+                    square += 2.0 * there.dot(&block) + own.gram[(axis, axis)];
+                    there += block;
+                    moment += own.moment[axis];
+                    passed += own.passed.column(axis);
                 }
                 // Without turns only placements along an axis tell about it.
-                let behind = (at..count).any(|row| self.tells(row, axis));
-                let before = (0..at).filter(|row| self.tells(*row, axis)).count();
+                behind |= self.tells(at, axis);
+                let before = (0..at).filter(|row| self.tells(*row, axis)).take(2).count();
                 if !has_turns && (!behind || before < 2 || !self.tells(at, axis)) {
                     continue;
                 }
-                let found = self.explained(&course);
-                if let Some((moment, information)) = found.filter(|found| found.1 >= LEAST * course.norm_squared()) {
+                if let Some(information) = self.left_of(square, passed.clone()).filter(|left| *left >= LEAST * square) {
                     let explained = moment * moment / information;
-                    steps.push(Step { axis, at, moment, information, explained, course: course.clone() });
+                    steps.push(Step { axis, at, moment, information, explained });
                 }
             }
         }
@@ -347,6 +395,11 @@ impl Courses {
 /// Stamps of the same rest differ by less, s.
 const SAME: f64 = 1e-6;
 
+/// One at and after the time of a rest, zero before.
+fn is_after(time: f64, rest: f64) -> f64 {
+    f64::from(u8::from(time > rest - SAME))
+}
+
 /// Step of an axis between two placements.
 pub(super) struct Step {
     pub(super) axis: usize,
@@ -356,6 +409,4 @@ pub(super) struct Step {
     pub(super) information: f64,
     /// Squares that it explains.
     pub(super) explained: f64,
-    /// Course of the equations under a step of one.
-    course: DVector<f64>,
 }
