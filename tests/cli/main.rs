@@ -6,6 +6,7 @@ mod common;
 #[path = "../common/session.rs"]
 mod session;
 
+mod batches;
 mod containers;
 mod fleet;
 mod in_place;

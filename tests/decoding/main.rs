@@ -5,6 +5,7 @@
 #[path = "../common/needs.rs"]
 mod needs;
 
+mod batches;
 mod cdr;
 mod hostile;
 mod idl;
