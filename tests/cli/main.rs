@@ -12,6 +12,7 @@ mod fleet;
 mod in_place;
 mod met_cases;
 mod mistakes;
+mod mixed;
 mod readme;
 mod real_recordings;
 mod recordings;
