@@ -8,6 +8,7 @@ mod session;
 
 mod batches;
 mod containers;
+mod filtered;
 mod fleet;
 mod in_place;
 mod met_cases;
@@ -21,5 +22,6 @@ mod results;
 mod rooms;
 mod rosbag2;
 mod shell;
+mod splits;
 mod terminal;
 mod topics;
