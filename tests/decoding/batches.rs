@@ -1,7 +1,5 @@
-//! Several readings in one message: each at its own time, in every encoding, and lists of any length refused or read
-//! without memory that they do not justify.
+//! Several readings in one message, each at its own time.
 
-use allocation_counter::measure;
 use prost_reflect::{DescriptorPool, DynamicMessage};
 use serde_json::json;
 use stillpoint::imu::Sensor::{Accelerometer, Gyroscope};
@@ -20,7 +18,7 @@ const DEPTHAI: &str = r#"syntax = "proto3"; package dai.proto.imu_data;
     message IMUData { repeated IMUPacket packets = 1; int64 sequenceNum = 2; Timestamp ts = 3; Timestamp tsDevice = 4; }"#;
 
 /// Readings: sensor, stamp in nanoseconds, values.
-fn told(door: &Door) -> Vec<(Sensor, i64, [f64; 3])> {
+pub(super) fn told(door: &Door) -> Vec<(Sensor, i64, [f64; 3])> {
     let reading = |(_, sensor, sample): &(_, Sensor, stillpoint::imu::Sample)| {
         (*sensor, sample.stamp.nanos(), sample.value.into())
     };
@@ -28,7 +26,7 @@ fn told(door: &Door) -> Vec<(Sensor, i64, [f64; 3])> {
 }
 
 /// The lines that are offered for a channel.
-fn offered(role: &ChannelRole) -> String {
+pub(super) fn offered(role: &ChannelRole) -> String {
     let ChannelRole::Other { suggestion: Some(suggestion), .. } = role else { panic!("nothing is offered: {role}") };
     suggestion.config(None).lines()
 }
@@ -169,7 +167,7 @@ fn lists_of_numbers_are_offered_as_axes_with_their_own_times() {
 }
 
 /// Columns of axes without times, in every encoding that has lists.
-const COLUMNS: &str = "[[imu]]\ntopic = '/c'\naccel = ['x[*]', 'y[*]', 'z[*]']";
+pub(super) const COLUMNS: &str = "[[imu]]\ntopic = '/c'\naccel = ['x[*]', 'y[*]', 'z[*]']";
 
 #[test]
 fn readings_without_times_are_spread_from_one_message_to_the_next() {
@@ -193,62 +191,6 @@ fn readings_without_times_are_spread_from_one_message_to_the_next() {
     };
     let found: Vec<_> = stamps.iter().map(sample).collect();
     assert_eq!(found, (0..12).map(|i| (i * 10_000_000, (i + 1) as f64)).collect::<Vec<_>>());
-}
-
-#[test]
-fn lists_that_do_not_fit_are_refused_by_name_and_take_no_memory() {
-    let cdr = schema("acme/msg/C", "float32[] x\nfloat32[] y\nfloat32[] z\n");
-    let list = |claimed: f64, held: usize| [vec![(claimed, 'I')], vec![(1.0, 'f'); held]].concat();
-    let messages = [
-        (px4(&[list(2.0, 2), list(3.0, 3), list(2.0, 2)].concat()), "the lists of its readings have 2 and 3 elements"),
-        (px4(&list(4e9, 100)), "the payload ends after"),
-        (px4(&[list(1e6, 1_000_000), list(1e6, 1_000_000), list(1e6, 1_000_000)].concat()), "more than 4096 readings"),
-    ];
-    for (data, words) in messages {
-        let mut door = Door::new(COLUMNS);
-        door.channel(1, "/c", &cdr);
-        let memory = measure(|| door.message(1, 1, &data));
-        assert!(memory.bytes_max < 2 << 20, "{words}: {memory:?}");
-        assert_eq!((told(&door), door.faults()), (vec![], vec![(Cause::Malformed, 1)]));
-        let text = door.intake.take_notices().pop().unwrap().text;
-        assert!(text.contains(words), "{text}");
-    }
-    // Elements of two bytes each.
-    let proto = "syntax = \"proto3\"; package t; message R { V a = 1; V g = 2; } message V { float x = 1; float y = 2; float z = 3; } message Root { repeated R r = 1; }";
-    let schema =
-        Schema { id: 1, name: "t.Root".into(), encoding: "protobuf".into(), data: super::protobuf::compile(proto) };
-    let mut door = Door::new("[[imu]]\ntopic = '/c'\naccel = 'r[*].a'\ngyro = 'r[*].g'");
-    door.intake.channel(&Channel { message_encoding: "protobuf".into(), ..channel(1, "/c") }, Some(&schema));
-    let memory = measure(|| door.message(1, 1, &[0x0a, 0].repeat(500_000)));
-    assert!(memory.bytes_max < 2 << 20 && door.faults() == [(Cause::Malformed, 1)], "{memory:?}");
-    door.message(1, 1, &[0x0a, 0].repeat(3));
-    assert_eq!(door.faults(), [(Cause::Malformed, 1), (Cause::NotFinite, 3), (Cause::NotFinite, 3)]);
-    // JSON that holds no list there, or one of something else.
-    let json = Channel { schema_id: 0, message_encoding: "json".into(), ..channel(1, "/c") };
-    for data in [&br#"{"x": [1, 2], "y": 3, "z": null}"#[..], br#"{"x": [1], "y": ["a"], "z": [{}]}"#, b"{}"] {
-        let mut door = Door::new(COLUMNS);
-        door.intake.channel(&json, None);
-        door.message(1, 1, br#"{"x": [1, 2], "y": [0, 0], "z": [9, 9]}"#);
-        assert_eq!(told(&door).len(), 2);
-        door.message(1, 2, data);
-        assert_eq!(told(&door).len(), 2, "{}", String::from_utf8_lossy(data));
-    }
-}
-
-#[test]
-fn one_element_beside_all_of_them_and_lists_in_lists_are_refused() {
-    let inner = "===\nMSG: acme/R\nfloat64[3] a\nfloat64[3] g\nfloat64[] w\n";
-    let acme = schema("acme/msg/L", &format!("acme/R[] r\n{inner}"));
-    for (lines, words) in [
-        ("accel = 'r[*].a'\ngyro = 'r[0].g'", "all elements of `r` are read"),
-        ("accel = ['r[*].w[*]', 'r[*].a[1]', 'r[*].a[2]']", "no field `r[*].w[*]`"),
-        ("accel = 'r[*]'", "no field `r[*].x`"),
-        ("accel = 'r'", "`r` of acme/L is acme/R[], not a message with x, y, z"),
-    ] {
-        let mut door = Door::new(&format!("[[imu]]\ntopic = '/l'\n{lines}"));
-        let role = door.channel(1, "/l", &acme).clone();
-        assert!(matches!(&role, ChannelRole::Skipped(why) if why.contains(words)), "{lines}: {role}");
-    }
 }
 
 #[test]

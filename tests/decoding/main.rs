@@ -12,6 +12,7 @@ mod idl;
 mod intake;
 mod interop;
 mod json;
+mod lists;
 mod protobuf;
 mod recordings;
 mod rosmsg;
