@@ -1,6 +1,7 @@
 //! Scan events in, annotation blocks and findings out: a recording's messages through [`imu`](crate::imu),
 //! [`engine`](crate::engine) and [`annotate`](crate::annotate), the same for batch, tail and all other readers.
 
+pub(crate) mod annotated_before;
 pub(crate) mod annotations;
 pub(crate) mod channel_table;
 pub(crate) mod correction;

@@ -7,6 +7,7 @@
 //! cannot outvote a moving one.
 
 mod allan_variance;
+mod alternation;
 mod config;
 mod moments;
 mod noise_floor;

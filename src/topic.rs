@@ -25,6 +25,17 @@ pub enum Kind {
 }
 
 impl Kind {
+    const ALL: [Self; 8] = [
+        Self::Stillness,
+        Self::Segment,
+        Self::Turn,
+        Self::Noise,
+        Self::Coverage,
+        Self::Calibration,
+        Self::Corrected,
+        Self::Log,
+    ];
+
     fn name(self) -> &'static str {
         match self {
             Self::Stillness => "stillness",
@@ -55,6 +66,12 @@ pub fn corrected_imu(topic: &str) -> Option<&str> {
     topic.strip_suffix(Kind::Corrected.name())?.strip_suffix(MARK)
 }
 
+/// Kind of the annotations on a topic; `None` if it is not one that Stillpoint writes.
+pub fn kind_of(topic: &str) -> Option<Kind> {
+    let (imu, name) = topic.rsplit_once(MARK)?;
+    Kind::ALL.into_iter().find(|kind| kind.name() == name && (*kind == Kind::Log) == imu.is_empty())
+}
+
 /// Whether a topic holds annotations, and so is never a source.
 pub fn is_annotation(topic: &str) -> bool {
     topic.contains(MARK)
@@ -66,21 +83,18 @@ mod tests {
 
     #[test]
     fn a_topic_tells_whose_it_is() {
-        for kind in [
-            Kind::Stillness,
-            Kind::Segment,
-            Kind::Turn,
-            Kind::Noise,
-            Kind::Coverage,
-            Kind::Calibration,
-            Kind::Corrected,
-        ] {
+        for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::Log) {
             let topic = of("/imu/data", kind);
             assert!(is_annotation(&topic) && imu_of(&topic) == Some("/imu/data"), "{topic}");
             assert_eq!(corrected_imu(&topic).is_some(), kind == Kind::Corrected);
+            assert_eq!(kind_of(&topic), Some(kind));
         }
         assert_eq!(of("/imu/data", Kind::Log), of("", Kind::Log));
         assert_eq!(imu_of(&of("", Kind::Log)), Some(""));
+        assert_eq!(kind_of(&of("", Kind::Log)), Some(Kind::Log));
+        for other in ["/imu/stillpoint/log", "/stillpoint/segment", "/imu/stillpoint/other", "/imu/segment"] {
+            assert_eq!(kind_of(other), None, "{other}");
+        }
         assert!(!is_annotation("/stillpoint") && imu_of("/imu/data").is_none());
     }
 }

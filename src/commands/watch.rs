@@ -110,6 +110,9 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 "{name}: annotated: {rests} rests, {calibrated} of {imus} IMUs calibrated: {}",
                 tailed.output.display()
             );
+            for (imu, why) in tailed.report.imus.iter().filter_map(|imu| Some((imu, imu.reason()?))) {
+                info!("{name}: {} is not calibrated: {why}", imu.name);
+            }
         }
         Verdict::Quarantined(reason) => {
             warn!("left alone until it or the configuration changes: {reason}");

@@ -30,6 +30,8 @@ pub(super) enum FaultKind {
     Dead,
     /// Readings published twice.
     Repeated,
+    /// Readings of several sensors in turn.
+    Alternating,
     /// Span from face to face far beyond gravity.
     Stretched,
     /// Readings beyond the range of the sensor.
@@ -48,6 +50,7 @@ impl Fault {
             | FaultKind::TooFast
             | FaultKind::Relaxing
             | FaultKind::Dead
+            | FaultKind::Alternating
             | FaultKind::Stretched
             | FaultKind::BeyondRange => true,
             FaultKind::Disagreeing | FaultKind::Repeated | FaultKind::Inverted => false,

@@ -25,8 +25,12 @@ pub(super) fn detect(
     let calibration = solution.accelerometer.as_ref().map_or(guessed, |fit| fit.calibration());
     let accelerometer = segmenter.signal(Sensor::Accelerometer);
     let gyroscope = segmenter.signal(Sensor::Gyroscope);
-    let repeated = [(Sensor::Accelerometer, accelerometer), (Sensor::Gyroscope, gyroscope)];
-    let repeated = repeated.into_iter().filter_map(|(sensor, signal)| {
+    let both = [(Sensor::Accelerometer, accelerometer), (Sensor::Gyroscope, gyroscope)];
+    let alternating = both.into_iter().filter_map(|(sensor, signal)| {
+        let sensors = signal?.sensors;
+        (sensors > 1).then(|| Fault { sensor, kind: FaultKind::Alternating, text: alternating_text(sensors) })
+    });
+    let repeated = both.into_iter().filter_map(|(sensor, signal)| {
         let text = repeated_text(repeated_share(&signal?)?);
         Some(Fault { sensor, kind: FaultKind::Repeated, text })
     });
@@ -53,7 +57,8 @@ pub(super) fn detect(
         force.z < -0.9 * force.norm()
     });
     let inverted = inverted.then(|| of_accelerometer(FaultKind::Inverted, inverted_text()));
-    repeated
+    alternating
+        .chain(repeated)
         .chain(force.map(|text| of_accelerometer(FaultKind::Unit, text)))
         .chain(stretched)
         .chain(beyond)
@@ -141,6 +146,15 @@ fn relaxing_rates(entries: &[JudgedRest], noise: f64) -> Option<(f64, f64)> {
     let seconds: f64 = relaxed.iter().map(|(_, seconds)| seconds).sum();
     let (ends, _) = relaxed.first()?;
     (relaxed.len() > 1 || seconds > LONG).then_some(*ends)
+}
+
+/// Text on readings of several sensors.
+fn alternating_text(sensors: usize) -> String {
+    let count = ["two", "three", "four"].get(sensors.saturating_sub(2)).copied().unwrap_or("several");
+    format!(
+        "each reading is far from the one before and near the one {sensors} before: {count} sensors take turns on one topic, \
+         and what is learned is of none of them. Record each on a topic, or under a frame_id, of its own"
+    )
 }
 
 /// Text on readings that are published twice.

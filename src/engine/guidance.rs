@@ -70,9 +70,9 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     ))
 }
 
-/// Text on readings in another unit, because of which nothing seemed still.
+/// Text on readings in another unit or of several sensors, because of which nothing seemed still.
 pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
-    let fault = solution.faults.iter().find(|fault| fault.kind == FaultKind::Unit)?;
+    let fault = solution.faults.iter().find(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating))?;
     Some(format!("{}: {}", sensor(config, fault.sensor), fault.text))
 }
 

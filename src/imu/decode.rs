@@ -2,6 +2,7 @@
 //! building values.
 
 mod json;
+pub(super) mod lists;
 pub(super) mod malformed;
 mod plan;
 mod protobuf;
@@ -12,11 +13,13 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use self::json::Pick;
+use self::lists::Lists;
 use self::malformed::Malformed;
 use self::plan::{Plan, Rules, Sizes};
 use self::protobuf::{ProtobufPlan, alone};
 use crate::imu::schema::layout::{Layout, Number, Place, Wire};
 use crate::imu::schema::lookup::PathError;
+use crate::imu::schema::path::{Element, FieldPath};
 
 /// Decoder of the same few numbers in each message of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +44,7 @@ impl Decoder {
     /// # Errors
     /// If the layout does not allow to locate one of them in every message.
     pub fn new(layout: &Layout, numbers: &[Place], text: Option<&Place>) -> Result<Self, PathError> {
+        unmixed(numbers)?;
         let plan = |align, sizes| Plan::new(layout, numbers, text, Rules { align, sizes });
         Ok(Self(match layout.wire {
             Wire::Cdr => Encoding::Cdr {
@@ -61,16 +65,31 @@ impl Decoder {
     /// If the message is shorter than its schema demands, or in an unsupported encoding. `numbers` may have changed
     /// then.
     pub fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
+        self.read_lists(data, numbers, &mut Lists::default())
+    }
+
+    /// Decodes one message whose numbers may be in every element of a list: `lists` receives a column for each of these,
+    /// with as many numbers as there are elements.
+    ///
+    /// # Errors
+    /// Also if a list is longer than any sensor fills it.
+    pub(in crate::imu) fn read_lists<'d>(
+        &self,
+        data: &'d [u8],
+        numbers: &mut [f64],
+        lists: &mut Lists,
+    ) -> Result<Cow<'d, [u8]>, Malformed> {
+        lists.restart();
         let text = match &self.0 {
-            Encoding::Json(pick) => return pick.read(data, numbers),
-            Encoding::Protobuf(protobuf) => protobuf.read(data, numbers)?,
-            Encoding::Ros1(plan) => plan.walk::<false, false>(data, 0, numbers)?,
+            Encoding::Json(pick) => pick.read(data, numbers, lists)?,
+            Encoding::Protobuf(protobuf) => Cow::Borrowed(protobuf.read(data, numbers, lists)?),
+            Encoding::Ros1(plan) => Cow::Borrowed(plan.walk::<false, false>(data, 0, numbers, lists)?),
             Encoding::Cdr { xcdr1, xcdr2, delimited } => match encapsulated(data, xcdr1, xcdr2, delimited)? {
-                (plan, true) => plan.walk::<true, false>(data, HEADER, numbers)?,
-                (plan, false) => plan.walk::<false, false>(data, HEADER, numbers)?,
+                (plan, true) => Cow::Borrowed(plan.walk::<true, false>(data, HEADER, numbers, lists)?),
+                (plan, false) => Cow::Borrowed(plan.walk::<false, false>(data, HEADER, numbers, lists)?),
             },
         };
-        Ok(Cow::Borrowed(text))
+        if lists.is_over() { Err(Malformed::Long) } else { Ok(text) }
     }
 
     /// Copies the message with changed numbers: pairs of slot (out of `count`) and value. All other bytes stay. `None`
@@ -78,23 +97,23 @@ impl Decoder {
     ///
     /// In protobuf, where zeros are omitted, a missing number is appended: of a repeated field, the last value counts.
     pub fn rewrite(&self, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
-        let mut places = vec![f64::NAN; count];
+        let (mut places, mut none) = (vec![f64::NAN; count], Lists::default());
         let mut out = data.to_vec();
         let (number, big): (Box<dyn Fn(usize) -> Option<Number> + '_>, bool) = match &self.0 {
             Encoding::Json(pick) => return rewrite_json(pick, data, count, changes),
             Encoding::Protobuf(protobuf) => {
-                protobuf.locate(data, &mut places).ok()?;
+                protobuf.locate(data, &mut places, &mut none).ok()?;
                 (Box::new(|slot| protobuf.way(slot).map(|(_, number)| number)), false)
             }
             Encoding::Ros1(plan) => {
-                plan.walk::<false, true>(data, 0, &mut places).ok()?;
+                plan.walk::<false, true>(data, 0, &mut places, &mut none).ok()?;
                 (Box::new(|slot| plan.number(slot)), false)
             }
             Encoding::Cdr { xcdr1, xcdr2, delimited } => {
                 let (plan, big) = encapsulated(data, xcdr1, xcdr2, delimited).ok()?;
                 match big {
-                    true => plan.walk::<true, true>(data, HEADER, &mut places).ok()?,
-                    false => plan.walk::<false, true>(data, HEADER, &mut places).ok()?,
+                    true => plan.walk::<true, true>(data, HEADER, &mut places, &mut none).ok()?,
+                    false => plan.walk::<false, true>(data, HEADER, &mut places, &mut none).ok()?,
                 };
                 (Box::new(|slot| plan.number(slot)), big)
             }
@@ -122,6 +141,25 @@ impl Decoder {
         }
         Some(out)
     }
+}
+
+/// Refuses places in one element of a list of which another place wants all.
+fn unmixed(numbers: &[Place]) -> Result<(), PathError> {
+    for listed in numbers {
+        let Some(depth) = listed.hops.iter().position(|hop| hop.element == Some(Element::Every)) else { continue };
+        let fields = |place: &Place| place.hops.iter().take(depth + 1).map(|hop| hop.field).collect::<Vec<_>>();
+        let list = fields(listed);
+        let in_one = |place: &&Place| {
+            place.hops.get(depth).is_some_and(|hop| matches!(hop.element, Some(Element::At(_))))
+                && fields(place) == list
+        };
+        if let Some(place) = numbers.iter().find(in_one) {
+            let names = place.path.segments().iter().take(depth + 1);
+            let path = names.fold(FieldPath::default(), |path, segment| path.join(&segment.name));
+            return Err(PathError::Mixed { path: path.to_string() });
+        }
+    }
+    Ok(())
 }
 
 /// Plan for the encapsulation that a message states, and whether its numbers are big-endian.

@@ -136,6 +136,16 @@ impl Intake {
         self.routes.contains_key(&channel_id) || self.untold.contains_key(&channel_id) || self.fixes.wants(channel_id)
     }
 
+    /// Whether an IMU has its sensors on several channels, or a gyroscope on another one may yet appear.
+    pub fn may_have_parts(&self) -> bool {
+        let mut channels: BTreeMap<usize, u16> = BTreeMap::new();
+        let mut routes = self.routes.iter().flat_map(|(id, routes)| routes.iter().map(|route| (route.source, *id)));
+        let silent = |imu: &Imu| imu.silent.get(Sensor::Gyroscope.index()) != Some(&false);
+        self.imus.is_empty()
+            || self.imus.iter().any(silent)
+            || routes.any(|(source, id)| *channels.entry(source).or_insert(id) != id)
+    }
+
     /// Indices of the requested IMUs that read a channel.
     pub fn sources_on(&self, channel_id: u16) -> impl Iterator<Item = usize> {
         self.routes.get(&channel_id).into_iter().flatten().map(|route| route.source)
@@ -171,7 +181,7 @@ impl Intake {
                 continue;
             }
             route.taps.iter_mut().for_each(|tap| tap.last = None);
-            let (stamp, frame) = match route.read(log_time, data) {
+            let (frame, readings) = match route.read(data) {
                 Ok(read) => read,
                 Err(error) => {
                     if route.counts.count(Cause::Malformed) == 1 {
@@ -180,40 +190,45 @@ impl Intake {
                     continue;
                 }
             };
-            let appears = appears(route);
-            for i in 0..route.taps.len() {
-                let owner = owner(source, imus, route, i, &frame, appears);
-                let Some(tap) = route.taps.get(i) else { continue };
-                let value = route.value(tap);
-                let clipped = route.is_clipped(tap);
-                let (sensor, value) = (
-                    tap.sensor,
-                    match owner {
-                        Ok(Some(id)) => {
-                            value.and_then(|value| admit(imus, id, tap.sensor, value)).map(|value| Some((id, value)))
-                        }
-                        Ok(None) => value.and_then(|value| if is_zero(&value) { Err(Cause::Zero) } else { Ok(None) }),
-                        Err(cause) => Err(cause),
-                    },
-                );
-                if let Some(tap) = route.taps.get_mut(i) {
-                    tap.last = value.as_ref().ok().copied().flatten().map(|(id, _)| id);
-                }
-                match value {
-                    Ok(Some((id, value))) => {
-                        if route.begins_round(i) {
-                            sink(id, sensor, Reading::NewRound { stamp, log_time });
-                        }
-                        if clipped {
-                            sink(id, sensor, Reading::Clipped(stamp));
-                        }
-                        sink(id, sensor, Reading::Sample(Sample { stamp, log_time, value }));
+            for reading in 0..readings {
+                let stamp = route.load(reading, log_time);
+                let appears = appears(route);
+                for i in 0..route.taps.len() {
+                    let owner = owner(source, imus, route, i, &frame, appears);
+                    let Some(tap) = route.taps.get(i) else { continue };
+                    let value = route.value(tap);
+                    let clipped = route.is_clipped(tap);
+                    let (sensor, value) = (
+                        tap.sensor,
+                        match owner {
+                            Ok(Some(id)) => value
+                                .and_then(|value| admit(imus, id, tap.sensor, value))
+                                .map(|value| Some((id, value))),
+                            Ok(None) => {
+                                value.and_then(|value| if is_zero(&value) { Err(Cause::Zero) } else { Ok(None) })
+                            }
+                            Err(cause) => Err(cause),
+                        },
+                    );
+                    if let Some(tap) = route.taps.get_mut(i) {
+                        tap.last = value.as_ref().ok().copied().flatten().map(|(id, _)| id);
                     }
-                    Ok(None) => {}
-                    Err(cause) => {
-                        let Some(tap) = route.taps.get_mut(i) else { continue };
-                        if tap.counts.count(cause) == (if cause == Cause::Zero { ZEROS } else { 1 }) {
-                            notice(&route.topic, format!(", {}: {cause}", tap.name));
+                    match value {
+                        Ok(Some((id, value))) => {
+                            if route.begins_round(i) {
+                                sink(id, sensor, Reading::NewRound { stamp, log_time });
+                            }
+                            if clipped {
+                                sink(id, sensor, Reading::Clipped(stamp));
+                            }
+                            sink(id, sensor, Reading::Sample(Sample { stamp, log_time, value }));
+                        }
+                        Ok(None) => {}
+                        Err(cause) => {
+                            let Some(tap) = route.taps.get_mut(i) else { continue };
+                            if tap.counts.count(cause) == (if cause == Cause::Zero { ZEROS } else { 1 }) {
+                                notice(&route.topic, format!(", {}: {cause}", tap.name));
+                            }
                         }
                     }
                 }
@@ -376,7 +391,7 @@ impl Intake {
             (true, Some(fault), _) => ChannelRole::Skipped(fault),
             (true, None, Some((imu, path))) => ChannelRole::Temperature { imu, path },
             (true, None, None) => ChannelRole::Other {
-                vectors: layout.vectors(),
+                vectors: [layout.vectors(), layout.listed_vectors()].concat(),
                 suggestion: Suggestion::of(topic, layout).map(Box::new),
             },
         };

@@ -1,5 +1,7 @@
 //! Channels to IMUs: the topic and vector of each triad of each IMU, and reasons against an assignment.
 
+pub(super) mod axes;
+pub(super) mod batch;
 pub(super) mod channel_role;
 pub(super) mod first_readings;
 pub(super) mod known_types;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use self::order::Order;
 pub use self::read::Read;
 use self::stamps::Stamps;
-use super::sample::ImuId;
+use super::sample::{ImuId, Reading};
 
 /// Sorts the readings of a recording's IMUs by time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,8 @@ impl Timing {
         Self { late_nanos: (late_s * 1e9) as i64, ..Self::default() }
     }
 
-    /// Adds the readings of one message, and passes those whose turn has come to `sink`.
+    /// Adds the readings of one message, and passes those whose turn has come to `sink`. A sensor's second reading in it
+    /// counts as that of another message.
     pub fn pass(&mut self, channel_id: u16, log_time: u64, readings: &[Read], sink: &mut impl FnMut(Read)) {
         let Self { late_nanos, stamps, orders } = self;
         for of_one in readings.chunk_by(|(a, ..), (b, ..)| a == b) {
@@ -40,7 +41,12 @@ impl Timing {
             }
             let Some(order) = orders.get_mut(imu.index()) else { continue };
             let stamps = stamps.entry((channel_id, imu)).or_default();
-            stamps.pass(log_time, of_one, *late_nanos, &mut |reading| order.pass(reading, sink));
+            let mut rest = of_one;
+            while !rest.is_empty() {
+                let (at_once, later) = rest.split_at(at_once(rest));
+                stamps.pass(log_time, at_once, *late_nanos, &mut |reading| order.pass(reading, sink));
+                rest = later;
+            }
         }
     }
 
@@ -61,4 +67,13 @@ impl Timing {
         remarks.extend(self.orders.get(imu.index()).and_then(Order::remark));
         remarks
     }
+}
+
+/// Number of leading readings up to the second one of a sensor.
+fn at_once(readings: &[Read]) -> usize {
+    let is_second = |i: &usize| {
+        let Some((before, [(_, sensor, _), ..])) = readings.split_at_checked(*i) else { return false };
+        before.iter().any(|(_, own, reading)| own == sensor && matches!(reading, Reading::Sample(_)))
+    };
+    (1..readings.len()).find(is_second).unwrap_or(readings.len())
 }

@@ -128,6 +128,11 @@ impl Learner {
         self.time_order.apart()
     }
 
+    /// Whether channels of one IMU may still turn out to follow each other.
+    pub(crate) fn may_be_apart(&self) -> bool {
+        self.sources.intake.may_have_parts()
+    }
+
     /// Reports the channels so far once more.
     pub(crate) fn tell_channels(&self, notify: Notify<'_>) {
         for entry in self.sources.table.iter() {

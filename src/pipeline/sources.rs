@@ -6,6 +6,7 @@ use super::channel_table::{ChannelTable, Entry};
 use crate::config::Config;
 use crate::imu::{ChannelRole, Intake, MissingTopic};
 use crate::record::{Event, Message};
+use crate::topic::{self, Kind};
 
 /// Channels of a recording, and their use by a configuration.
 #[derive(Serialize, Deserialize)]
@@ -46,6 +47,19 @@ impl Sources {
     /// All channels so far, and their roles.
     pub(crate) fn channels(&self) -> impl Iterator<Item = (&Entry, &ChannelRole)> + Clone {
         self.table.iter().map(|entry| (entry, self.intake.verdict(entry.channel.id)))
+    }
+
+    /// Topics of annotations in the recording itself, as another program leaves them that copies or filters an annotated
+    /// one.
+    pub(crate) fn annotations(&self) -> impl Iterator<Item = &str> {
+        let ours = self.table.iter().filter(|entry| match topic::kind_of(&entry.channel.topic) {
+            // It has the schema of its source.
+            Some(Kind::Corrected) => true,
+            Some(Kind::Log) => matches!(entry.schema_name(), "foxglove.Log" | "rcl_interfaces/msg/Log"),
+            Some(_) => entry.schema_name().starts_with("stillpoint"),
+            None => false,
+        });
+        ours.map(|entry| entry.channel.topic.as_str())
     }
 
     /// Topics that the configuration names and the recording lacks so far, one line each.

@@ -22,6 +22,7 @@ use crate::Error;
 use crate::annotate::{Corrected, Corrections, is_only_partial};
 use crate::config::Config;
 use crate::imu::ChannelRole;
+use crate::pipeline::annotated_before::annotated_before;
 use crate::pipeline::correction_pass::CorrectionPass;
 use crate::pipeline::learner::{Learned, not_corrected, uncorrected};
 use crate::record::{Block, Channel, Damage, Event, Inventory, Topic};
@@ -88,8 +89,9 @@ fn annotate_in_order(
     let mut kept = Kept::beside(target.beside());
     let mut splits = SplitLearner::new(input, config, options, order);
     let mut profile = None;
-    // Splits that await the final calibration before they are written.
-    let mut unwritten = Vec::new();
+    // Splits that are written after the last one was read, and the number of topics at the end of each: with the last
+    // calibration, or in place, where a split that is written cannot be read in another order.
+    let mut unwritten: Vec<(ReadSplit<'_>, usize)> = Vec::new();
     for (index, split) in input.splits.iter().enumerate() {
         let done = splits.done;
         let here = |at| watch(done + at);
@@ -115,8 +117,10 @@ fn annotate_in_order(
             drop((output, unwritten, sidecar, target));
             return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
         }
-        // In place, earlier splits that have been written stay.
-        if let Some(apart) = splits.learner.apart().filter(|_| index == 0 || options.form != Form::InPlace) {
+        if !alone && let Some(error) = annotated_before(split.path(), splits.learner.sources()) {
+            return Err(error);
+        }
+        if let Some(apart) = splits.learner.apart() {
             drop((output, unwritten, sidecar, target));
             return annotate_in_order(input, outputs, (config, mark), options, watch, Some(apart));
         }
@@ -124,8 +128,9 @@ fn annotate_in_order(
         if let Some(output) = output {
             let kept = std::mem::replace(&mut kept, Kept::beside(target.beside()));
             let read = ReadSplit { output, split, inventory, kept };
-            match twice {
-                true => unwritten.push(read),
+            let in_place = options.form == Form::InPlace && index + 1 < input.splits.len();
+            match twice || !unwritten.is_empty() || in_place && splits.learner.may_be_apart() {
+                true => unwritten.push((read, splits.learner.topics().len())),
                 false => target.put(read.write(&settings, splits.learner.topics(), &here)?, split)?,
             }
         }
@@ -134,14 +139,17 @@ fn annotate_in_order(
     let mut learned = learner.finish(&mut |_| {});
     if twice {
         let keep = |split: usize, block: &Block| {
-            unwritten.get_mut(split).map_or(&mut kept, |read| &mut read.kept).blocks.push(block)
+            unwritten.get_mut(split).map_or(&mut kept, |(read, _)| &mut read.kept).blocks.push(block)
         };
         correct_all(input, config, &mut learned, &mut contents, keep, watch)?;
     }
     let mut done = 0;
-    for read in unwritten {
+    let topics = learned.annotator.topics();
+    for (read, so_far) in unwritten {
         let split = read.split;
-        target.put(read.write(&settings, learned.annotator.topics(), &|at| watch(done + at))?, split)?;
+        // The last calibration is written into all of them.
+        let topics = if twice { topics } else { topics.get(..so_far).unwrap_or(topics) };
+        target.put(read.write(&settings, topics, &|at| watch(done + at))?, split)?;
         done += split.length();
     }
     if let (Some(mut output), Some(split)) = (sidecar.take(), input.splits.last()) {

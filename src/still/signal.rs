@@ -13,6 +13,8 @@ pub struct Signal {
     pub noise: Option<f64>,
     /// Number of readings.
     pub readings: u64,
+    /// Number of sensors whose readings seem to take turns; 1 unless most readings look like that.
+    pub sensors: usize,
     /// Number of readings that equal the reading before in all three axes.
     pub repeated: u64,
 }

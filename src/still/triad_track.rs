@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::allan_variance::{AllanSums, Cascade};
+use super::alternation::Alternation;
 use super::config::{Config, Detector};
 use super::noise_floor::NoiseFloor;
 use super::rest::{Correlation, Sums, TriadMean};
@@ -49,6 +50,8 @@ pub(super) struct TriadTrack {
     correlation: Correlation,
     extremes: Option<ReadingRange>,
     readings: u64,
+    /// Whether several sensors take turns.
+    alternation: Alternation,
     /// Sample period that the window was sized for, ns.
     sized_for: Option<i64>,
 }
@@ -88,6 +91,7 @@ impl TriadTrack {
             correlation: Correlation::UNKNOWN,
             extremes: None,
             readings: 0,
+            alternation: Alternation::default(),
             sized_for: None,
         }
     }
@@ -103,6 +107,7 @@ impl TriadTrack {
             self.recent.pop_front();
         }
         self.recent.push_back((sample.stamp, sample.value));
+        self.alternation.push(&self.recent);
         self.readings += 1;
         match &mut self.extremes {
             Some(extremes) => extremes.push(&sample.value),
@@ -206,6 +211,7 @@ impl TriadTrack {
             step: self.step(),
             noise: self.level().map(|level| level / 3_f64.sqrt()),
             readings: self.readings,
+            sensors: self.alternation.sensors(self.readings).unwrap_or(1),
             repeated: self.quiet.as_ref().map_or(0, |quiet| quiet.floor.repeated()),
         })
     }

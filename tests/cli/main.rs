@@ -6,11 +6,14 @@ mod common;
 #[path = "../common/session.rs"]
 mod session;
 
+mod batches;
 mod containers;
+mod filtered;
 mod fleet;
 mod in_place;
 mod met_cases;
 mod mistakes;
+mod mixed;
 mod readme;
 mod real_recordings;
 mod recordings;
@@ -19,5 +22,6 @@ mod results;
 mod rooms;
 mod rosbag2;
 mod shell;
+mod splits;
 mod terminal;
 mod topics;

@@ -17,18 +17,18 @@ const SCALE: [f64; 3] = [1.012, 0.991, 1.006];
 /// The gyroscope's bias in the inputs that were met.
 const MET_GYRO_BIAS: [f64; 3] = [0.004, -0.006, 0.002];
 /// When the first sample was measured, ns.
-const START: i64 = 1_700_000_000_000_000_000;
-const MAPPED: &str = r#"imu=[{topic="/imu", accel="a", gyro="g"}]"#;
+pub const START: i64 = 1_700_000_000_000_000_000;
+pub const MAPPED: &str = r#"imu=[{topic="/imu", accel="a", gyro="g"}]"#;
 
 /// Measured at once, ns since the start.
 #[derive(Clone, Copy)]
-struct Measured {
-    at: i64,
-    accel: Vector3<f64>,
-    gyro: Vector3<f64>,
+pub struct Measured {
+    pub at: i64,
+    pub accel: Vector3<f64>,
+    pub gyro: Vector3<f64>,
 }
 
-fn six_faces() -> Vec<Measured> {
+pub fn six_faces() -> Vec<Measured> {
     let truth = Calibration { bias: BIAS.into(), sensitivity: Matrix3::from_diagonal(&Vector3::from(SCALE)) };
     let ups = [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()];
     let samples = Session::new().accelerometer(truth).rests(&ups, 4.0).samples;
@@ -41,12 +41,12 @@ fn six_faces() -> Vec<Measured> {
         .collect()
 }
 
-fn vector(v: Vector3<f64>) -> Value {
+pub fn vector(v: Vector3<f64>) -> Value {
     json!({"x": v.x, "y": v.y, "z": v.z})
 }
 
 /// A message of both sensors, stamped so many nanoseconds after 1970.
-fn both(m: &Measured, stamp: i64) -> Value {
+pub fn both(m: &Measured, stamp: i64) -> Value {
     both_at(m, stamp.div_euclid(1_000_000_000), stamp.rem_euclid(1_000_000_000))
 }
 
@@ -55,7 +55,7 @@ fn both_at(m: &Measured, sec: i64, nanosec: i64) -> Value {
 }
 
 /// A recording of JSON messages: topic, log time, what they say.
-fn recording(messages: impl IntoIterator<Item = (&'static str, i64, Value)>) -> Vec<u8> {
+pub fn recording(messages: impl IntoIterator<Item = (&'static str, i64, Value)>) -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
     let mut writer = mcap::WriteOptions::new().chunk_size(Some(20_000)).create(&mut out).unwrap();
     let mut channels = BTreeMap::new();
@@ -95,7 +95,7 @@ pub fn is_true(result: &Value, gyro_bias: [f64; 3]) {
 }
 
 /// Annotated as a whole and followed to its end, a recording gives the same bytes, and the truth. What was said.
-fn learns_the_truth(bytes: &[u8], mapping: &str, gyro_bias: [f64; 3]) -> String {
+pub fn learns_the_truth(bytes: &[u8], mapping: &str, gyro_bias: [f64; 3]) -> String {
     let folder = Folder::new();
     folder.write("a.mcap", bytes);
     let set: &[&str] = if mapping.is_empty() { &[] } else { &["--set", mapping] };

@@ -19,7 +19,7 @@ float64 y
 float64 z
 ";
 
-fn schema(name: &str, text: &str) -> Schema {
+pub(super) fn schema(name: &str, text: &str) -> Schema {
     let data = format!("{text}{HEADER}{VECTOR3}").into_bytes();
     Schema { id: 1, name: name.into(), encoding: "ros2msg".into(), data }
 }
@@ -35,7 +35,7 @@ fn vector_schema() -> Schema {
     schema("geometry_msgs/msg/Vector3Stamped", "std_msgs/Header header\ngeometry_msgs/Vector3 vector\n")
 }
 
-fn channel(id: u16, topic: &str) -> Channel {
+pub(super) fn channel(id: u16, topic: &str) -> Channel {
     Channel { id, schema_id: 1, topic: topic.into(), message_encoding: "cdr".into(), metadata: BTreeMap::new() }
 }
 
@@ -56,15 +56,15 @@ fn imu_message(stamp: (i32, u32), frame_id: &str) -> Vec<u8> {
     message(stamp, frame_id, &[0.1, 0.2, 0.3, 0.0, 1.0, 2.0, 9.8, 0.0])
 }
 
-struct Door {
-    intake: Intake,
-    samples: Vec<(ImuId, Sensor, Sample)>,
+pub(super) struct Door {
+    pub(super) intake: Intake,
+    pub(super) samples: Vec<(ImuId, Sensor, Sample)>,
     /// What was not a sample.
     said: Vec<(Sensor, Reading)>,
 }
 
 impl Door {
-    fn new(config: &str) -> Self {
+    pub(super) fn new(config: &str) -> Self {
         #[derive(serde::Deserialize)]
         struct Tables {
             #[serde(default)]
@@ -74,11 +74,11 @@ impl Door {
         Self { intake: Intake::new(&imu), samples: Vec::new(), said: Vec::new() }
     }
 
-    fn channel(&mut self, id: u16, topic: &str, schema: &Schema) -> &ChannelRole {
+    pub(super) fn channel(&mut self, id: u16, topic: &str, schema: &Schema) -> &ChannelRole {
         self.intake.channel(&channel(id, topic), Some(schema))
     }
 
-    fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
+    pub(super) fn message(&mut self, channel: u16, log_time: u64, data: &[u8]) {
         let samples = &mut self.samples;
         let said = &mut self.said;
         self.intake.message(channel, log_time, data, &mut |imu, sensor, reading| match reading {
@@ -87,15 +87,15 @@ impl Door {
         });
     }
 
-    fn sensors(&self) -> Vec<(usize, Sensor)> {
+    pub(super) fn sensors(&self) -> Vec<(usize, Sensor)> {
         self.samples.iter().map(|(imu, sensor, _)| (imu.index(), *sensor)).collect()
     }
 
-    fn names(&self) -> Vec<&str> {
+    pub(super) fn names(&self) -> Vec<&str> {
         self.intake.imus().iter().map(|imu| imu.name.as_str()).collect()
     }
 
-    fn faults(&self) -> Vec<(Cause, u64)> {
+    pub(super) fn faults(&self) -> Vec<(Cause, u64)> {
         self.intake.faults().iter().map(|fault| (fault.cause, fault.count)).collect()
     }
 }
@@ -423,7 +423,7 @@ fn imus_inside_other_messages_are_found() {
 }
 
 /// A message of px4_msgs in little-endian CDR: numbers by their sizes, aligned.
-fn px4(fields: &[(f64, char)]) -> Vec<u8> {
+pub(super) fn px4(fields: &[(f64, char)]) -> Vec<u8> {
     let mut bytes = vec![0, 1, 0, 0];
     for &(value, kind) in fields {
         let number = match kind {
@@ -431,6 +431,8 @@ fn px4(fields: &[(f64, char)]) -> Vec<u8> {
             'I' => (value as u32).to_le_bytes().to_vec(),
             'i' => (value as i32).to_le_bytes().to_vec(),
             'f' => (value as f32).to_le_bytes().to_vec(),
+            'd' => value.to_le_bytes().to_vec(),
+            'h' => (value as i16).to_le_bytes().to_vec(),
             _ => vec![value as u8],
         };
         bytes.resize((bytes.len() - 4).next_multiple_of(number.len()) + 4, 0);
@@ -439,7 +441,7 @@ fn px4(fields: &[(f64, char)]) -> Vec<u8> {
     bytes
 }
 
-fn px4_schema(name: &str, text: &str) -> Schema {
+pub(super) fn px4_schema(name: &str, text: &str) -> Schema {
     Schema { id: 1, name: format!("px4_msgs/msg/{name}"), encoding: "ros2msg".into(), data: text.into() }
 }
 

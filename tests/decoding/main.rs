@@ -5,12 +5,14 @@
 #[path = "../common/needs.rs"]
 mod needs;
 
+mod batches;
 mod cdr;
 mod hostile;
 mod idl;
 mod intake;
 mod interop;
 mod json;
+mod lists;
 mod protobuf;
 mod recordings;
 mod rosmsg;

@@ -278,6 +278,32 @@ const CASES: &[Case] = &[
         says: &["published twice"],
     },
     Case {
+        name: "two sensors in turn, mounted otherwise",
+        session: |v| v.six().in_turn(2, |k, _, value| if k == 0 { value } else { value.yzx() }),
+        accelerometer: Refused,
+        gyroscope: Refused,
+        says: &["two sensors take turns"],
+    },
+    Case {
+        name: "two sensors in turn, with biases of their own",
+        session: |v| {
+            v.six().in_turn(2, |k, sensor, value| {
+                let size = if sensor == Sensor::Gyroscope { 0.1 } else { 1.0 };
+                value + Vector3::new(1.5, -1.0, 1.0) * size * k as f64
+            })
+        },
+        accelerometer: Refused,
+        gyroscope: Refused,
+        says: &["two sensors take turns"],
+    },
+    Case {
+        name: "three sensors in turn",
+        session: |v| v.six().in_turn(3, |k, _, value| [value, value.yzx(), value.zxy()][k]),
+        accelerometer: Refused,
+        gyroscope: Refused,
+        says: &["three sensors take turns"],
+    },
+    Case {
         name: "an estimator takes the bias of the gyroscope away",
         session: |v| v.six().relaxing(2.0),
         accelerometer: Honest,

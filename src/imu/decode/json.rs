@@ -10,8 +10,10 @@ use serde::de::{self, DeserializeSeed, IgnoredAny, MapAccess, SeqAccess, Visitor
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use super::lists::Lists;
 use super::malformed::Malformed;
 use crate::imu::schema::layout::Place;
+use crate::imu::schema::path::Element;
 
 /// Values to pick from a JSON value and from its contents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,6 +22,8 @@ pub(super) struct Pick {
     text: bool,
     fields: Vec<(String, Pick)>,
     elements: Vec<(u32, Pick)>,
+    /// Values to pick from every element, and their slots.
+    every: Option<(Box<Pick>, Vec<usize>)>,
 }
 
 impl Pick {
@@ -27,28 +31,39 @@ impl Pick {
     pub(super) fn new(numbers: &[Place], text: Option<&Place>) -> Self {
         let mut root = Self::default();
         for (slot, place) in numbers.iter().enumerate() {
-            root.at(place).slots.push(slot);
+            root.at(place, slot).slots.push(slot);
         }
         if let Some(place) = text {
-            root.at(place).text = true;
+            // A text is never in every element.
+            root.at(place, usize::MAX).text = true;
         }
         root
     }
 
-    fn at(&mut self, place: &Place) -> &mut Self {
+    fn at(&mut self, place: &Place, slot: usize) -> &mut Self {
         place.path.segments().iter().fold(self, |pick, segment| {
             let field = child(&mut pick.fields, segment.name.clone());
             match segment.element {
-                Some(element) => child(&mut field.elements, element),
+                Some(Element::At(element)) => child(&mut field.elements, element),
+                Some(Element::Every) => {
+                    let (pick, slots) = field.every.get_or_insert_default();
+                    slots.push(slot);
+                    pick
+                }
                 None => field,
             }
         })
     }
 
     /// Decodes a message. A number that is missing or of another type is NaN.
-    pub(super) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<Cow<'d, [u8]>, Malformed> {
+    pub(super) fn read<'d>(
+        &self,
+        data: &'d [u8],
+        numbers: &mut [f64],
+        lists: &mut Lists,
+    ) -> Result<Cow<'d, [u8]>, Malformed> {
         numbers.fill(f64::NAN);
-        let mut found = Picked { numbers, text: Cow::Borrowed(&[]) };
+        let mut found = Picked { numbers, lists, text: Cow::Borrowed(&[]) };
         let mut json = serde_json::Deserializer::from_slice(data);
         let read = Picking { pick: self, found: &mut found }.deserialize(&mut json).and_then(|()| json.end());
         read.map_err(|e| Malformed::Json { line: e.line(), column: e.column() })?;
@@ -103,6 +118,7 @@ fn child<K: PartialEq>(picks: &mut Vec<(K, Pick)>, key: K) -> &mut Pick {
 
 struct Picked<'d, 'n> {
     numbers: &'n mut [f64],
+    lists: &'n mut Lists,
     text: Cow<'d, [u8]>,
 }
 
@@ -184,6 +200,19 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
 
     fn visit_seq<A: SeqAccess<'d>>(self, mut list: A) -> Result<(), A::Error> {
         let Self { pick, found } = self;
+        if let Some((pick, slots)) = &pick.every {
+            loop {
+                for &slot in slots {
+                    found.numbers.get_mut(slot).into_iter().for_each(|number| *number = f64::NAN);
+                }
+                if list.next_element_seed(Picking { pick, found })?.is_none() {
+                    return Ok(());
+                }
+                for &slot in slots {
+                    found.lists.push(slot, found.numbers.get(slot).copied().unwrap_or(f64::NAN));
+                }
+            }
+        }
         for i in 0_u32.. {
             let more = match pick.elements.iter().find(|(element, _)| *element == i) {
                 Some((_, pick)) => list.next_element_seed(Picking { pick, found })?.is_some(),

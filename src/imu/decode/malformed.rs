@@ -1,5 +1,7 @@
 //! Reasons why the bytes of a message do not match its schema.
 
+use super::lists::MOST_ELEMENTS;
+
 /// Reason why the bytes of a message do not match its schema.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
@@ -45,6 +47,25 @@ pub enum Malformed {
         wanted: u32,
         /// Number of elements found.
         found: u32,
+    },
+    /// A list of readings is longer than any sensor fills it.
+    #[error("a list has more than {} readings", MOST_ELEMENTS)]
+    Long,
+    /// The lists of one message's readings have different lengths.
+    #[error("the lists of its readings have {one} and {other} elements")]
+    Uneven {
+        /// Number of elements of one of them.
+        one: usize,
+        /// Number of elements of another.
+        other: usize,
+    },
+    /// A message claims more readings than its lists hold.
+    #[error("it claims {claimed} readings, its lists hold {held}")]
+    Claims {
+        /// Claimed number.
+        claimed: u64,
+        /// Number of elements of its lists.
+        held: usize,
     },
 }
 

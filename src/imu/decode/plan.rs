@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
 use crate::imu::schema::lookup::PathError;
+use crate::imu::schema::path::Element;
 
 /// Steps through a message, and the numbers to read on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -35,6 +36,9 @@ pub(super) enum Step {
     Array { count: u32, body: Vec<Step> },
     /// A sequence: `head` walks its first `least` elements, `body` each of the others.
     Sequence { least: u32, head: Vec<Step>, body: Vec<Step> },
+    /// A list whose elements are all read: `count` of them, or as many as it says. After each, the numbers of these slots
+    /// go into their columns.
+    Every { count: Option<u32>, body: Vec<Step>, slots: Vec<usize> },
 }
 
 /// A range of [`Plan::gets`].
@@ -165,8 +169,15 @@ impl PlanCompiler<'_> {
         if is_list && self.rules.sizes != Sizes::None && !matches!(field.kind, Kind::Number(_)) {
             self.span(4, 4);
         }
+        let every = element(wanted, Some(Element::Every));
         match (field.kind, field.count) {
             (kind, Count::One) => self.one(kind, &element(wanted, None))?,
+            (kind, count) if !every.is_empty() => {
+                let body = self.apart(1, |inner| inner.one(kind, &every))?;
+                let slots = every.iter().filter_map(|w| w.slot).collect();
+                let count = if let Count::Array(n) = count { Some(n) } else { None };
+                self.plan.steps.push(Step::Every { count, body, slots });
+            }
             (Kind::Number(number), Count::Array(n)) => self.array(number, n as usize, wanted),
             (Kind::Number(number), Count::Sequence) => self.numbers(number, wanted),
             (kind, Count::Array(n)) => {
@@ -227,7 +238,7 @@ impl PlanCompiler<'_> {
     fn elements(&mut self, kind: Kind, wanted: &[WantedNumber<'_>]) -> Result<(), TooLarge> {
         for i in 0..least(wanted) {
             self.left = self.left.checked_sub(1).ok_or(TooLarge)?;
-            self.one(kind, &element(wanted, Some(i)))?;
+            self.one(kind, &element(wanted, Some(Element::At(i))))?;
         }
         Ok(())
     }
@@ -301,7 +312,7 @@ impl PlanCompiler<'_> {
 }
 
 /// Goals in one element of a list, or in a field that is not a list.
-fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedNumber<'a>> {
+fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<Element>) -> Vec<WantedNumber<'a>> {
     let of = |w: &WantedNumber<'a>| {
         let (first, hops) = w.hops.split_first()?;
         (first.element == element).then_some(WantedNumber { hops, slot: w.slot })
@@ -311,11 +322,19 @@ fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<u32>) -> Vec<WantedN
 
 /// Least number of elements that a list must have.
 fn least(wanted: &[WantedNumber<'_>]) -> u32 {
-    let last = wanted.iter().filter_map(|w| w.hops.first()?.element).max();
+    let last = wanted.iter().filter_map(|w| index(w)).max();
     last.map_or(0, |last| last + 1)
+}
+
+/// Index of the element of the first list.
+fn index(wanted: &WantedNumber<'_>) -> Option<u32> {
+    match wanted.hops.first()?.element? {
+        Element::At(index) => Some(index),
+        Element::Every => None,
+    }
 }
 
 /// Wanted elements of a list of numbers, with their slots.
 fn numbered(wanted: &[WantedNumber<'_>]) -> impl Iterator<Item = (usize, usize)> {
-    wanted.iter().filter_map(|w| Some((w.hops.first()?.element? as usize, w.slot?)))
+    wanted.iter().filter_map(|w| Some((index(w)? as usize, w.slot?)))
 }

@@ -1,5 +1,6 @@
 //! Execution of a [`Plan`] on the bytes of a message, without building values and without allocation.
 
+use super::lists::Lists;
 use super::malformed::Malformed;
 use super::plan::{Gets, Plan, Step};
 use crate::imu::schema::layout::Number;
@@ -13,21 +14,23 @@ const PADDING: usize = 3;
 
 impl Plan {
     /// Walks `data` from byte `origin` on, from which alignment counts. Returns the text, without its terminator. With
-    /// `LOCATE`, `numbers` receives the offsets of the numbers instead of their values.
+    /// `LOCATE`, `numbers` receives the offsets of the numbers instead of their values. Numbers in every element of a list
+    /// go into `lists`.
     pub(super) fn walk<'d, const BIG: bool, const LOCATE: bool>(
         &self,
         data: &'d [u8],
         origin: usize,
         numbers: &mut [f64],
+        lists: &mut Lists,
     ) -> Result<&'d [u8], Malformed> {
         let body = data.get(origin..).unwrap_or_default();
         if !self.wide {
-            return Ok(self.walk_with::<BIG, LOCATE>(body, origin, numbers, 1)?.text);
+            return Ok(self.walk_with::<BIG, LOCATE>(body, origin, numbers, lists, 1)?.text);
         }
         // Use the width with which the message ends closest to the end of the payload.
         let mut best: Option<Fit> = None;
         for width in WIDTHS {
-            let Ok(walk) = self.walk_with::<BIG, LOCATE>(body, origin, numbers, width) else { continue };
+            let Ok(walk) = self.walk_with::<BIG, LOCATE>(body, origin, numbers, lists, width) else { continue };
             let fit = walk.fit();
             match &best {
                 _ if fit.padding > PADDING => {}
@@ -39,7 +42,7 @@ impl Plan {
             }
         }
         let width = best.as_ref().map_or(WIDTHS[0], |fit| fit.width);
-        let walk = self.walk_with::<BIG, LOCATE>(body, origin, numbers, width)?;
+        let walk = self.walk_with::<BIG, LOCATE>(body, origin, numbers, lists, width)?;
         if best.is_some() { Ok(walk.text) } else { Err(Malformed::WideText) }
     }
 
@@ -49,9 +52,13 @@ impl Plan {
         body: &'d [u8],
         origin: usize,
         numbers: &'n mut [f64],
+        lists: &'n mut Lists,
         wide: usize,
     ) -> Result<PlanWalk<'p, 'd, 'n, BIG, LOCATE>, Malformed> {
-        let mut walk = PlanWalk::<BIG, LOCATE> { plan: self, origin, body, at: 0, wide, numbers, text: &[] };
+        if self.wide {
+            lists.restart();
+        }
+        let mut walk = PlanWalk::<BIG, LOCATE> { plan: self, origin, body, at: 0, wide, numbers, lists, text: &[] };
         walk.steps(&self.steps)?;
         Ok(walk)
     }
@@ -74,6 +81,7 @@ struct PlanWalk<'p, 'd, 'n, const BIG: bool, const LOCATE: bool> {
     /// Bytes per character of a `wstring`.
     wide: usize,
     numbers: &'n mut [f64],
+    lists: &'n mut Lists,
     text: &'d [u8],
 }
 
@@ -126,6 +134,15 @@ impl<'d, const BIG: bool, const LOCATE: bool> PlanWalk<'_, 'd, '_, BIG, LOCATE> 
                     let count = self.count(*least)?;
                     self.steps(head)?;
                     self.repeat(count - least, body)?;
+                }
+                Step::Every { count, body, slots } => {
+                    let count = count.map_or_else(|| self.count(0), Ok)?;
+                    for _ in 0..count {
+                        self.steps(body)?;
+                        for &slot in slots {
+                            self.lists.push(slot, self.numbers.get(slot).copied().unwrap_or(f64::NAN));
+                        }
+                    }
                 }
             }
         }

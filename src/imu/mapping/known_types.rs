@@ -16,8 +16,19 @@ pub(in crate::imu) struct KnownType {
     pub(in crate::imu) micros: Option<FieldPath>,
     /// Number that identifies the sensor, if several share a topic.
     pub(in crate::imu) device: Option<FieldPath>,
+    /// How its lists hold several readings, if they say so.
+    pub(in crate::imu) batch: Option<KnownBatch>,
     /// Whether its topics are IMUs even if the configuration does not mention them.
     pub(in crate::imu) imu: bool,
+}
+
+/// Several readings in a message, of which the last one was at its stamp.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::imu) struct KnownBatch {
+    /// Number of readings; the lists may be longer.
+    pub(in crate::imu) count: FieldPath,
+    /// Microseconds from one to the next.
+    pub(in crate::imu) period: FieldPath,
 }
 
 /// A vector, and further information about it in the message.
@@ -26,6 +37,8 @@ pub(in crate::imu) struct KnownVector {
     pub(in crate::imu) vector: FieldPath,
     /// Microseconds over which the vector is an increment.
     pub(in crate::imu) over: Option<FieldPath>,
+    /// Number of m/s² or rad/s in a count.
+    pub(in crate::imu) scale: Option<FieldPath>,
     /// Numbers that are not zero if the sensor reached the end of its range.
     pub(in crate::imu) clipping: Vec<FieldPath>,
     /// Number that changes with the calibration that the driver applies.
@@ -45,19 +58,29 @@ pub(in crate::imu) fn known(layout: &Layout) -> Vec<KnownType> {
 ///
 /// px4_msgs as of PX4 1.17: values are in the body or board frame (forward, right, down), and stay so. Stamps count
 /// from the start of the system. In `SensorCombined` it is the stamp of the gyroscope; the accelerometer's differs by a
-/// few milliseconds, which is irrelevant to rests.
+/// few milliseconds, which is irrelevant to rests. In `SensorAccelFifo` and `SensorGyroFifo` it is the stamp of the last of
+/// the readings, and `x`, `y`, `z` are counts (PX4's own Flight Review expands them in this way).
+///
+/// `dai.proto.imu_data.IMUData` is what depthai-core 3 records of an OAK camera, in m/s² and rad/s. The gyroscope of a
+/// packet has a stamp of its own, likewise irrelevant.
 fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
     let at = |text: &str| text.parse().ok().map(|path| inside.within(&path));
-    let part = |vector| Some(KnownVector { vector: at(vector)?, over: None, clipping: Vec::new(), round: None });
+    let part =
+        |vector| Some(KnownVector { vector: at(vector)?, over: None, scale: None, clipping: Vec::new(), round: None });
     let px4 = |vector, over: &str, clipping: &[&str], round: &str| {
         let some = |text: &str| if text.is_empty() { None } else { at(text) };
         let clipping = clipping.iter().filter_map(|path| at(path)).collect();
-        Some(KnownVector { vector: at(vector)?, over: some(over), clipping, round: some(round) })
+        Some(KnownVector { vector: at(vector)?, over: some(over), scale: None, clipping, round: some(round) })
     };
     let known = |accel, gyro, imu| {
         let (temperature, micros, device) = (None, None, None);
-        KnownType { inside: inside.clone(), accel, gyro, temperature, micros, device, imu }
+        KnownType { inside: inside.clone(), accel, gyro, temperature, micros, device, batch: None, imu }
     };
+    let fifo = |known| {
+        let batch = Some(KnownBatch { count: at("samples")?, period: at("dt")? });
+        Some(KnownType { micros: at("timestamp_sample"), device: at("device_id"), batch, ..known })
+    };
+    let counts = || Some(KnownVector { scale: at("scale"), ..part("")? });
     let stamped = |device: &str, temperature: &str, known| KnownType {
         micros: at("timestamp_sample"),
         device: at(device),
@@ -86,9 +109,14 @@ fn of_type(name: &str, inside: &FieldPath) -> Option<KnownType> {
             let gyro = px4("", "", &COUNTS, "");
             stamped("device_id", "temperature", known(None, gyro, false))
         }
+        "px4_msgs/SensorAccelFifo" => fifo(known(counts(), None, true))?,
+        "px4_msgs/SensorGyroFifo" => fifo(known(None, counts(), false))?,
         "px4_msgs/VehicleImuStatus" => {
             let (micros, device) = (at("timestamp"), at("accel_device_id"));
             KnownType { micros, device, temperature: at("temperature_accel"), ..known(None, None, false) }
+        }
+        "dai.proto.imu_data.IMUData" => {
+            known(part("packets[*].accelerometer.vec"), part("packets[*].gyroscope.vec"), true)
         }
         "sensor_msgs/Temperature" => KnownType { temperature: at("temperature"), ..known(None, None, false) },
         "geometry_msgs/Vector3" => known(part(""), part(""), false),

@@ -8,19 +8,19 @@ use std::ops::{Deref, Range};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::axes::{Axes, RouteError};
+use super::batch::Batch;
 use super::channel_role::VectorUse;
-use super::known_types::{KnownType, KnownVector};
+use super::known_types::KnownType;
 use super::refusal::{Cause, Counts};
 use super::request::Request;
-use super::thermometer::{TemperatureError, TemperatureRequest, Thermometer};
+use super::thermometer::{TemperatureRequest, Thermometer};
 use super::time_source::{StampFields, TimeSource};
 use crate::Stamp;
-use crate::imu::config::VectorPath;
 use crate::imu::decode::Decoder;
 use crate::imu::decode::malformed::Malformed;
 use crate::imu::sample::{ImuId, Sensor};
 use crate::imu::schema::layout::{Layout, Place};
-use crate::imu::schema::lookup::PathError;
 use crate::imu::schema::path::FieldPath;
 
 /// A channel that provides samples of an IMU.
@@ -38,6 +38,8 @@ pub(in crate::imu) struct Route {
     /// Whether the frames of this topic correspond to the frames of the accelerometer's topic in order of appearance.
     pub(in crate::imu) in_order: bool,
     decoder: Decoder,
+    /// Readings of a message, if there are several.
+    batch: Option<Batch>,
     clock: TimeSource,
     /// Temperature of the IMU, if the messages hold it, and its path.
     thermometer: Option<(Thermometer, String)>,
@@ -65,6 +67,8 @@ pub(in crate::imu) struct Tap {
     covariance: Option<usize>,
     /// Index of the microseconds over which it is an increment.
     over: Option<usize>,
+    /// Index of the factor of its counts.
+    scale: Option<usize>,
     clipping: Range<usize>,
     round: Option<usize>,
     /// Calibration that the driver applied to the last reading.
@@ -77,17 +81,6 @@ pub(in crate::imu) struct Tap {
 pub(in crate::imu) enum Frame<'d> {
     Text(Cow<'d, [u8]>),
     Digits { bytes: [u8; 20], len: usize },
-}
-
-/// Reason why a channel cannot serve a request.
-#[derive(Debug, thiserror::Error)]
-pub(in crate::imu) enum RouteError {
-    #[error(transparent)]
-    Path(#[from] PathError),
-    #[error(transparent)]
-    Temperature(#[from] TemperatureError),
-    #[error("which field is the {name}? Set `{key}` to {vectors}")]
-    NoPath { name: String, key: &'static str, vectors: String },
 }
 
 impl Route {
@@ -104,7 +97,7 @@ impl Route {
         let axes: Vec<_> = requests.iter().map(|request| Axes::of(layout, request)).collect::<Result<_, _>>()?;
         let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampFields::micros);
         let stamp = micros.unwrap_or_else(|| {
-            let path = axes.last().map(|axes| &axes.path).or(warmth.as_ref().map(|(path, _)| path));
+            let path = axes.last().map(Axes::place).or(warmth.as_ref().map(|(path, _)| path));
             StampFields::nearest(layout, &path.cloned().unwrap_or_default())
         });
         let mut numbers = stamp.numbers;
@@ -112,6 +105,9 @@ impl Route {
             numbers.extend(place);
             numbers.len() - 1
         };
+        let batch = known.and_then(|known| known.batch.as_ref());
+        let [count, period] = [batch.map(|batch| &batch.count), batch.map(|batch| &batch.period)]
+            .map(|path| path.and_then(|path| layout.find_number(path)).map(|place| add(Some(place))));
         let device = known.and_then(|known| layout.find_number(known.device.as_ref()?)).map(|place| add(Some(place)));
         let offset = temperature.map_or(0.0, |request| request.offset);
         let thermometer = warmth.map(|(path, place)| (Thermometer::new(add(Some(place)), offset), path.to_string()));
@@ -145,6 +141,7 @@ impl Route {
                 plus,
                 covariance: covariance.filter(|_| !request.ignores_covariance).map(|place| add(Some(place))),
                 over: find(part.and_then(|part| part.over.as_ref())).map(|place| add(Some(place))),
+                scale: find(part.and_then(|part| part.scale.as_ref())).map(|place| add(Some(place))),
                 clipping,
                 round: find(part.and_then(|part| part.round.as_ref())).map(|place| add(Some(place))),
                 last_round: None,
@@ -160,6 +157,7 @@ impl Route {
             frames: Vec::new(),
             in_order: false,
             decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
+            batch: Batch::of(&numbers, count, period),
             clock: stamp.clock,
             thermometer,
             device,
@@ -167,9 +165,12 @@ impl Route {
         })
     }
 
-    /// Reads one message. Returns its stamp and its sensor.
-    pub(in crate::imu) fn read<'d>(&mut self, log_time: u64, data: &'d [u8]) -> Result<(Stamp, Frame<'d>), Malformed> {
-        let text = self.decoder.read(data, &mut self.numbers)?;
+    /// Reads one message. Returns its sensor and the number of its readings, of which none is [loaded](Self::load) yet.
+    pub(in crate::imu) fn read<'d>(&mut self, data: &'d [u8]) -> Result<(Frame<'d>, usize), Malformed> {
+        let text = match &mut self.batch {
+            Some(batch) => batch.read(&self.decoder, data, &mut self.numbers)?,
+            None => self.decoder.read(data, &mut self.numbers)?,
+        };
         self.messages += 1;
         let frame = match self.device.and_then(|at| self.numbers.get(at)) {
             Some(&device) => Frame::digits(device as u64),
@@ -178,10 +179,18 @@ impl Route {
         if self.frames.is_empty() {
             self.frames.push(frame.to_vec());
         }
-        Ok((self.clock.read(&self.numbers, log_time), frame))
+        Ok((frame, self.batch.as_ref().map_or(1, Batch::readings)))
     }
 
-    /// Reading of a tap from the last message, in m/s² or rad/s.
+    /// Makes one reading of the last message the current one. Returns its stamp.
+    pub(in crate::imu) fn load(&mut self, reading: usize, log_time: u64) -> Stamp {
+        let Some(batch) = &self.batch else { return self.clock.read(&self.numbers, log_time) };
+        batch.load(reading, &mut self.numbers);
+        let stamp = self.clock.read(&self.numbers, log_time);
+        batch.time(reading, stamp, &self.numbers)
+    }
+
+    /// Current reading of a tap, in m/s² or rad/s.
     pub(in crate::imu) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
         let numbers = self.numbers.get(tap.at..).unwrap_or_default();
         let Some(&[x, y, z]) = numbers.first_chunk() else { return Err(Cause::Malformed) };
@@ -193,7 +202,8 @@ impl Route {
             return Err(Cause::NoTime);
         }
         let read = Vector3::new(x, y, z);
-        let value = self.added(tap).map_or(read, |added| read + added) * (tap.factor / seconds);
+        let factor = self.number(tap.scale).map_or(tap.factor, |scale| tap.factor * scale);
+        let value = self.added(tap).map_or(read, |added| read + added) * (factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
@@ -208,12 +218,15 @@ impl Route {
     }
 
     /// Rewrites the last message, which is `data`, with other readings in m/s² or rad/s; `None` if nothing changes, or
-    /// nothing can.
+    /// nothing can, as where a message holds several readings.
     pub(in crate::imu) fn rewrite(
         &self,
         data: &[u8],
         mut change: impl FnMut(&Tap, Vector3<f64>) -> Option<Vector3<f64>>,
     ) -> Option<Vec<u8>> {
+        if self.batch.is_some() {
+            return None;
+        }
         let mut changes = Vec::new();
         for tap in &self.taps {
             let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
@@ -290,45 +303,5 @@ impl Deref for Frame<'_> {
             Self::Text(text) => text,
             Self::Digits { bytes, len } => bytes.get(..*len).unwrap_or_default(),
         }
-    }
-}
-
-/// Places of the numbers of a request.
-struct Axes<'a> {
-    path: FieldPath,
-    axes: [FieldPath; 3],
-    places: [Place; 3],
-    covariance: Option<Place>,
-    /// Further information in the message about the vector.
-    part: Option<&'a KnownVector>,
-}
-
-impl<'a> Axes<'a> {
-    fn of(layout: &Layout, request: &Request<'a>) -> Result<Self, RouteError> {
-        let (path, part) = match (request.path, request.known) {
-            (Some(VectorPath::Axes(axes)), _) => {
-                let [x, y, z] = axes;
-                let places = [layout.number(x)?, layout.number(y)?, layout.number(z)?];
-                return Ok(Self { path: x.clone(), axes: axes.clone(), places, covariance: None, part: None });
-            }
-            (Some(VectorPath::Whole(path)), known) => (path, known.filter(|known| known.vector == *path)),
-            (None, Some(known)) => (&known.vector, Some(known)),
-            (None, None) => return Err(Self::no_path(layout, request)),
-        };
-        let axes = layout.axes(path)?;
-        let [x, y, z] = &axes;
-        let places = [layout.number(x)?, layout.number(y)?, layout.number(z)?];
-        let covariance = path.parent().map(|parent| parent.join(&format!("{}_covariance", path.name())).element(0));
-        let covariance = covariance.and_then(|path| layout.find_number(&path));
-        Ok(Self { path: path.clone(), axes, places, covariance, part })
-    }
-
-    fn no_path(layout: &Layout, request: &Request<'_>) -> RouteError {
-        let vectors: Vec<_> = layout.vectors().iter().map(FieldPath::called).collect();
-        let vectors = match vectors.as_slice() {
-            [] => format!("three paths to numbers; {} has no vector", layout.name()),
-            vectors => vectors.join(" or "),
-        };
-        RouteError::NoPath { name: request.name.to_owned(), key: request.key, vectors }
     }
 }

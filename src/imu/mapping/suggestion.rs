@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::known_types::known;
 use crate::imu::config::{AccelUnit, CovarianceUse, ImuConfig, RateUnit, SecondaryConfig, VectorConfig, VectorPath};
 use crate::imu::schema::layout::Layout;
+use crate::imu::schema::path::FieldPath;
 use crate::{printable, printable_json};
 
 /// Suggested use of a channel, judging by its names.
@@ -20,7 +21,13 @@ pub enum Suggestion {
 impl Suggestion {
     /// Suggestion for a channel of an unknown type, judging by its names.
     pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
-        let candidates = candidates(layout);
+        // Vectors in lists are several readings of a message.
+        let named = Self::named(topic, &candidates(layout)).or_else(|| Self::named(topic, &listed_candidates(layout)));
+        named.or_else(|| Self::accelerometer(topic, layout))
+    }
+
+    /// IMU whose vectors are among these.
+    fn named(topic: &str, candidates: &[(String, VectorPath)]) -> Option<Self> {
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
         let whole = |name: &str| is_accel(name) && !is_without_gravity(name);
         let accel = candidates.iter().find(|(name, _)| whole(name));
@@ -45,7 +52,11 @@ impl Suggestion {
             let accel = Some(VectorConfig { path: Some(accel.clone()), plus, unit, ..VectorConfig::default() });
             return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
         }
-        // The only vector of a message whose topic names an accelerometer.
+        None
+    }
+
+    /// The only vector of a message whose topic names an accelerometer.
+    fn accelerometer(topic: &str, layout: &Layout) -> Option<Self> {
         let [_] = layout.vectors().as_slice() else { return None };
         if !is_accel(&topic.to_lowercase()) {
             return None;
@@ -186,14 +197,23 @@ fn quoted(text: &str) -> String {
 
 /// Vectors, and triples of numbers that are named like axes, by the lowercase name that shows their meaning.
 fn candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
-    let vectors = layout.vectors().into_iter().map(|path| {
+    of_paths(layout.vectors(), layout.triples())
+}
+
+/// Candidates in every element of a list.
+fn listed_candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
+    of_paths(layout.listed_vectors(), layout.listed_triples())
+}
+
+fn of_paths(vectors: Vec<FieldPath>, triples: Vec<(String, [FieldPath; 3])>) -> Vec<(String, VectorPath)> {
+    let vectors = vectors.into_iter().map(|path| {
         // `accel.value` is named after the message around it.
         let own = path.name().to_lowercase();
         let around = path.parent().map(|parent| parent.name().to_lowercase()).filter(|name| !name.is_empty());
         let name = if is_accel(&own) || is_gyro(&own) { own } else { around.unwrap_or(own) };
         (name, VectorPath::Whole(path))
     });
-    vectors.chain(layout.triples().into_iter().map(|(name, axes)| (name, VectorPath::Axes(axes)))).collect()
+    vectors.chain(triples.into_iter().map(|(name, axes)| (name, VectorPath::Axes(axes)))).collect()
 }
 
 fn is_accel(name: &str) -> bool {

@@ -20,6 +20,8 @@ enum Unit {
     /// Seconds, then nanoseconds.
     Seconds,
     Micros,
+    /// One number, in so many nanoseconds.
+    Nanos(u32),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,6 +46,7 @@ impl TimeSource {
                 (seconds as i64).saturating_mul(1_000_000_000).saturating_add(nanos as i64)
             }
             (Some(Unit::Micros), &[micros, ..]) => (micros as i64).saturating_mul(1000),
+            (Some(Unit::Nanos(unit)), &[number, ..]) => (number * f64::from(unit)) as i64,
             _ => 0,
         };
         let choice = *self.choice.get_or_insert(if stamp == 0 { Choice::LogTime } else { Choice::Stamp });
@@ -64,14 +67,27 @@ pub fn header_stamp(layout: &Layout, data: &[u8]) -> Option<Stamp> {
 }
 
 impl StampFields {
-    /// Fields of the message that holds the vector, or of the nearest message around it.
+    /// Fields of the message that holds the vector, or of the nearest message around it. Each element of a list may have
+    /// its own stamp, even inside the vector; their frame is that of the message around the list.
     pub(in crate::imu) fn nearest(layout: &Layout, vector: &FieldPath) -> Self {
-        let mut around = Some(vector.parent().unwrap_or_default());
+        let mut around = Some(if vector.is_listed() { vector.clone() } else { vector.parent().unwrap_or_default() });
+        let mut own = None;
         while let Some(message) = around {
-            if let Some(found) = Self::at(layout, &message) {
-                return found;
+            if vector.is_listed() && own.is_none() {
+                own = Self::in_list(layout, &message);
+            }
+            if !message.is_listed()
+                && let Some(found) = Self::at(layout, &message)
+            {
+                return match own {
+                    Some(own) => Self { frame: found.frame, ..own },
+                    None => found,
+                };
             }
             around = message.parent();
+        }
+        if let Some(own) = own {
+            return own;
         }
         Self { clock: TimeSource { unit: None, choice: None }, numbers: Vec::new(), frame: None }
     }
@@ -86,6 +102,26 @@ impl StampFields {
         let header = message.join("header");
         let places = [(&header, "stamp"), (message, "stamp"), (message, "timestamp"), (message, "time")];
         places.into_iter().find_map(|(around, name)| Self::of(layout, around, name))
+    }
+
+    /// Stamp of an element of a list, in the message around it or beside its list.
+    fn in_list(layout: &Layout, message: &FieldPath) -> Option<Self> {
+        const UNITS: [(&str, u32); 4] = [("_ns", 1), ("_us", 1000), ("_ms", 1_000_000), ("_s", 1_000_000_000)];
+        let is_listed = message.is_listed();
+        let found = is_listed.then(|| {
+            let report = message.join("report");
+            let special = [message, &report].into_iter().find_map(|around| Self::of(layout, around, "ts"));
+            Self::at(layout, message).or(special)
+        });
+        let number = |stem: &str| {
+            UNITS.iter().find_map(|(suffix, nanos)| {
+                let path = message.join(&format!("{stem}{suffix}"));
+                let place = layout.find_number(&if is_listed { path } else { path.every() })?;
+                let clock = TimeSource { unit: Some(Unit::Nanos(*nanos)), choice: None };
+                Some(Self { clock, numbers: vec![place], frame: None })
+            })
+        };
+        found.flatten().or_else(|| ["timestamp", "stamp", "time", "ts", "t"].into_iter().find_map(number))
     }
 
     fn of(layout: &Layout, around: &FieldPath, name: &str) -> Option<Self> {

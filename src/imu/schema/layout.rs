@@ -1,6 +1,6 @@
 //! Fields of the messages of a channel, independent of the schema language.
 
-use super::path::FieldPath;
+use super::path::{Element, FieldPath};
 
 /// Fields of a message and of the messages inside it.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,7 +109,14 @@ pub struct Place {
 pub(in crate::imu) struct Hop {
     /// Index into [`Message::fields`].
     pub(in crate::imu) field: usize,
-    pub(in crate::imu) element: Option<u32>,
+    pub(in crate::imu) element: Option<Element>,
+}
+
+impl Place {
+    /// Whether it is one in every element of a list.
+    pub(in crate::imu) fn is_listed(&self) -> bool {
+        self.path.is_listed()
+    }
 }
 
 /// Reason why a channel's messages cannot be decoded.

@@ -1,7 +1,7 @@
 //! Lookup of fields in a layout by their paths, with helpful errors.
 
 use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place, Wire};
-use super::path::{FieldPath, Segment};
+use super::path::{Element, FieldPath, Segment};
 
 /// Reason why a path leads to nothing usable.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,11 +36,17 @@ pub enum PathError {
         /// Largest number of fields.
         most: usize,
     },
+    /// All elements of a list are requested, and one of them by itself.
+    #[error("all elements of `{path}` are read, so none can be read by itself: write [*] at each path into it")]
+    Mixed {
+        /// Path of the list.
+        path: String,
+    },
 }
 
 impl Layout {
-    /// Places of the three axes of a vector: `path` leads to a message with `x`, `y`, `z` or to a list of three
-    /// numbers.
+    /// Places of the three axes of a vector: `path` leads to a message with `x`, `y`, `z`, to a list of three numbers, or
+    /// to a message with a list of each of `x`, `y`, `z`.
     ///
     /// # Errors
     /// If it leads nowhere, or to something else.
@@ -53,7 +59,7 @@ impl Layout {
     pub(in crate::imu) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
         match self.find(path) {
             Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
-                Ok(["x", "y", "z"].map(|axis| path.join(axis)))
+                Ok(self.listed_axes(path).unwrap_or_else(|| ["x", "y", "z"].map(|axis| path.join(axis))))
             }
             Some(PathTarget { kind: Kind::Number(_), count: Count::Array(3) | Count::Sequence, .. }) => {
                 Ok([0, 1, 2].map(|axis| path.element(axis)))
@@ -81,15 +87,35 @@ impl Layout {
     /// Paths of all vectors: messages with `x`, `y`, `z` and no `w`, and arrays of three floating point numbers.
     pub fn vectors(&self) -> Vec<FieldPath> {
         let mut paths = self.paths();
-        // JSON may contain names that cannot be written in a path.
-        paths.retain(|path| self.is_vector(path) && path.to_string().parse().as_ref() == Ok(path));
+        // An axis of readings is not a vector, although a list may have three of them.
+        let is_axis = |path: &FieldPath| path.parent().is_some_and(|around| self.listed_axes(&around).is_some());
+        paths.retain(|path| self.is_vector(path) && is_written(path) && !is_axis(path));
         paths
+    }
+
+    /// Paths of all vectors in every element of a list, and of messages with a list of each of `x`, `y`, `z`.
+    pub(in crate::imu) fn listed_vectors(&self) -> Vec<FieldPath> {
+        let mut paths = self.paths_in_lists();
+        paths.retain(|path| {
+            is_written(path) && (path.is_listed() && self.is_vector(path) || self.listed_axes(path).is_some())
+        });
+        paths
+    }
+
+    /// [Triples](Self::triples) in every element of a list, and of lists.
+    pub(in crate::imu) fn listed_triples(&self) -> Vec<(String, [FieldPath; 3])> {
+        let axes = |axes: [FieldPath; 3]| if axes[0].is_listed() { axes } else { axes.map(|axis| axis.every()) };
+        let triples = self.triples_of(&self.paths_in_lists(), true).into_iter();
+        triples.map(|(stem, paths)| (stem, axes(paths))).collect()
     }
 
     /// Triples of numbers in one message whose names differ in the last letter, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
     /// `gyro_z`, with the common part of the names in lowercase.
     pub(in crate::imu) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
-        let paths = self.paths();
+        self.triples_of(&self.paths(), false)
+    }
+
+    fn triples_of(&self, paths: &[FieldPath], listed: bool) -> Vec<(String, [FieldPath; 3])> {
         let triple = |x: &FieldPath| {
             let (stem, letter) = x.name().split_at_checked(x.name().len().checked_sub(1)?)?;
             let letters = match letter {
@@ -101,9 +127,12 @@ impl Layout {
             let stem = stem.trim_end_matches('_').to_lowercase();
             let is_float = |path: &FieldPath| {
                 let found = self.find(path);
-                let float =
-                    |f: PathTarget| matches!(f.kind, Kind::Number(Number::F32 | Number::F64)) && f.count == Count::One;
-                found.is_some_and(float) && path.to_string().parse().as_ref() == Ok(path)
+                let float = |f: PathTarget| {
+                    let is_list = matches!(f.count, Count::Array(_) | Count::Sequence);
+                    let is_one = f.count == Count::One && listed == path.is_listed();
+                    is_float(&f) && (is_one || listed && is_list && !path.is_listed())
+                };
+                found.is_some_and(float) && is_written(path)
             };
             (!stem.is_empty() && axes.iter().all(is_float)).then_some((stem, axes))
         };
@@ -129,11 +158,11 @@ impl Layout {
 
     pub(in crate::imu) fn find_text(&self, path: &FieldPath) -> Option<Place> {
         let PathTarget { kind: Kind::Text, count: Count::One, hops } = self.find(path)? else { return None };
+        (!path.is_listed()).then_some(())?;
         Some(Place { path: path.clone(), hops })
     }
 
     fn is_vector(&self, path: &FieldPath) -> bool {
-        let is_float = |found: &PathTarget| matches!(found.kind, Kind::Number(Number::F32 | Number::F64));
         match self.find(path) {
             Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
                 let is_axis = |name| self.find(&path.join(name)).is_some_and(|f| f.count == Count::One && is_float(&f));
@@ -148,6 +177,12 @@ impl Layout {
         }
     }
 
+    /// Paths of every element of the lists `x`, `y` and `z` of a message that is not in a list itself.
+    fn listed_axes(&self, path: &FieldPath) -> Option<[FieldPath; 3]> {
+        let axes = ["x", "y", "z"].map(|axis| path.join(axis).every());
+        axes.iter().all(|axis| self.find_number(axis).is_some()).then_some(axes)
+    }
+
     fn find(&self, path: &FieldPath) -> Option<PathTarget> {
         let root = PathTarget { hops: Vec::new(), kind: Kind::Message(0), count: Count::One };
         path.segments().iter().try_fold(root, |found, segment| self.step(found, segment))
@@ -160,8 +195,12 @@ impl Layout {
         let Field { kind, count, .. } = *fields.get(field)?;
         let count = match (segment.element, count) {
             (None, count) => count,
-            (Some(element), Count::Array(n)) if element < n => Count::One,
-            (Some(element), Count::Sequence) if element < MAX_ELEMENT => Count::One,
+            (Some(Element::At(element)), Count::Array(n)) if element < n => Count::One,
+            (Some(Element::At(element)), Count::Sequence) if element < MAX_ELEMENT => Count::One,
+            (Some(Element::Every), Count::Array(_) | Count::Sequence) => {
+                // Lists of lists are not followed.
+                from.hops.iter().all(|hop| hop.element != Some(Element::Every)).then_some(Count::One)?
+            }
             _ => return None,
         };
         let mut hops = from.hops;
@@ -193,12 +232,20 @@ impl Layout {
     /// Paths of the message itself and of all fields that are not inside lists.
     fn paths(&self) -> Vec<FieldPath> {
         let mut paths = vec![FieldPath::default()];
-        self.collect(0, &FieldPath::default(), &mut paths);
+        self.collect(0, &FieldPath::default(), false, &mut paths);
         paths
     }
 
-    /// Appends the paths of the fields of `message` and of the messages inside it, but not inside its lists.
-    fn collect(&self, message: usize, path: &FieldPath, paths: &mut Vec<FieldPath>) {
+    /// These, and the paths of all fields in every element of a list.
+    fn paths_in_lists(&self) -> Vec<FieldPath> {
+        let mut paths = vec![FieldPath::default()];
+        self.collect(0, &FieldPath::default(), true, &mut paths);
+        paths
+    }
+
+    /// Appends the paths of the fields of `message` and of the messages inside it, and of those inside its lists only if
+    /// `listed`.
+    fn collect(&self, message: usize, path: &FieldPath, listed: bool, paths: &mut Vec<FieldPath>) {
         let Some(message) = self.messages.get(message) else { return };
         for field in &message.fields {
             if paths.len() >= MAX_PATHS {
@@ -206,11 +253,25 @@ impl Layout {
             }
             let path = path.join(&field.name);
             paths.push(path.clone());
-            if let (Kind::Message(inner), Count::One) = (field.kind, field.count) {
-                self.collect(inner, &path, paths);
+            match (field.kind, field.count) {
+                (Kind::Message(inner), Count::One) => self.collect(inner, &path, listed, paths),
+                (Kind::Message(inner), _) if listed && !path.is_listed() => {
+                    paths.push(path.every());
+                    self.collect(inner, &path.every(), listed, paths);
+                }
+                _ => {}
             }
         }
     }
+}
+
+/// Whether it can be written; JSON may contain names that cannot.
+fn is_written(path: &FieldPath) -> bool {
+    path.to_string().parse().as_ref() == Ok(path)
+}
+
+fn is_float(found: &PathTarget) -> bool {
+    matches!(found.kind, Kind::Number(Number::F32 | Number::F64))
 }
 
 /// Target of a path.

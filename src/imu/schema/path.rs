@@ -1,4 +1,4 @@
-//! Paths to fields inside a message, `imu.accel[0]` for instance.
+//! Paths to fields inside a message, `imu.accel[0]` or `packets[*].gyro` for instance.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,13 +14,22 @@ pub struct FieldPath(Vec<Segment>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::imu) struct Segment {
     pub(in crate::imu) name: String,
-    /// Index of the element, if the field is a list.
-    pub(in crate::imu) element: Option<u32>,
+    /// Element, if the field is a list.
+    pub(in crate::imu) element: Option<Element>,
+}
+
+/// Element of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::imu) enum Element {
+    /// The one at an index.
+    At(u32),
+    /// Each of them, one after the other.
+    Every,
 }
 
 /// Error of a malformed path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not a field path; write names joined by dots, elements of lists as name[0]")]
+#[error("`{0}` is not a field path; write names joined by dots, elements of lists as name[0], all of them as name[*]")]
 pub struct PathSyntaxError(String);
 
 impl FieldPath {
@@ -50,9 +59,23 @@ impl FieldPath {
     pub(in crate::imu) fn element(&self, element: u32) -> Self {
         let mut segments = self.0.clone();
         if let Some(last) = segments.last_mut() {
-            last.element = Some(element);
+            last.element = Some(Element::At(element));
         }
         Self(segments)
+    }
+
+    /// Path with the last segment replaced by all of its elements.
+    pub(in crate::imu) fn every(&self) -> Self {
+        let mut segments = self.0.clone();
+        if let Some(last) = segments.last_mut() {
+            last.element = Some(Element::Every);
+        }
+        Self(segments)
+    }
+
+    /// Whether it leads to all elements of a list.
+    pub(in crate::imu) fn is_listed(&self) -> bool {
+        self.0.iter().any(|segment| segment.element == Some(Element::Every))
     }
 
     /// Name in a sentence.
@@ -86,7 +109,7 @@ impl Segment {
         let (name, element) = match text.strip_suffix(']') {
             Some(list) => {
                 let (name, element) = list.split_once('[')?;
-                (name, Some(element.parse().ok()?))
+                (name, Some(if element == "*" { Element::Every } else { Element::At(element.parse().ok()?) }))
             }
             None => (text, None),
         };
@@ -113,8 +136,10 @@ impl fmt::Display for FieldPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, Segment { name, element }) in self.0.iter().enumerate() {
             write!(f, "{}{name}", if i == 0 { "" } else { "." })?;
-            if let Some(element) = element {
-                write!(f, "[{element}]")?;
+            match element {
+                Some(Element::At(index)) => write!(f, "[{index}]")?,
+                Some(Element::Every) => f.write_str("[*]")?,
+                None => {}
             }
         }
         Ok(())
@@ -127,14 +152,14 @@ mod tests {
 
     #[test]
     fn a_path_reads_back_as_it_was_written() {
-        for text in ["", "a", "a.b", "a[0].b[12]"] {
+        for text in ["", "a", "a.b", "a[0].b[12]", "a[*].b", "a.b[*]"] {
             assert_eq!(text.parse::<FieldPath>().unwrap().to_string(), text);
         }
     }
 
     #[test]
     fn what_is_not_a_path_is_refused() {
-        for text in [".", "a.", "a..b", "a[", "a[]", "a[-1]", "a[0]b", "[0]", "a b", "a]"] {
+        for text in [".", "a.", "a..b", "a[", "a[]", "a[-1]", "a[**]", "a[0]b", "[0]", "a b", "a]"] {
             assert!(text.parse::<FieldPath>().is_err(), "{text}");
         }
     }

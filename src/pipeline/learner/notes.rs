@@ -5,7 +5,10 @@ use crate::report::Findings;
 
 /// Reason why there are no corrected messages of an IMU that was calibrated.
 pub(crate) fn not_corrected(imu: &Findings) -> String {
-    format!("{}: no message could be corrected: its readings are integers, which cannot hold the result", imu.name)
+    format!(
+        "{}: no message could be corrected: its readings are integers, which cannot hold the result, or several in a message",
+        imu.name
+    )
 }
 
 /// Description of the readings that corrected messages leave unchanged; `None` if there are none.

@@ -9,6 +9,7 @@ use super::shell::{Shell, Tailed};
 use super::state::Progression;
 use crate::Error;
 use crate::annotate::Corrected;
+use crate::pipeline::annotated_before::annotated_before;
 use crate::pipeline::events::{Ending, Notice, Notify};
 use crate::pipeline::learner::Learned;
 use crate::pipeline::no_imu::no_imu;
@@ -53,6 +54,7 @@ impl Shell<'_> {
         let (length, remains) = (progression.offset(), progression.remains(ending)?);
         let Progression { location, done, growing, scan, learner, sidecar, blocks, .. } = progression;
         let useless = (!learner.has_imu()).then(|| no_imu(location.path(), learner.sources(), &learner.obstacles()));
+        let annotated = annotated_before(location.path(), learner.sources());
         let learned = learner.finish(notify);
         let here = Split {
             name: String::new(),
@@ -89,6 +91,9 @@ impl Shell<'_> {
             let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
             return Ok(Tailed { report, length, output, written: Written::Now, ending });
         };
+        if let Some(error) = annotated {
+            return Err(error);
+        }
         let (report, written) = self.patiently(notify, |shell| shell.fold(&input, &splits, &learned))?;
         match self.following.keep_sidecar {
             true => self.close(sidecar, notify)?,

@@ -69,6 +69,18 @@ impl Session {
         self
     }
 
+    /// Readings of so many sensors in turn on one topic: what another one reads, by its number.
+    pub fn in_turn(mut self, sensors: usize, reads: impl Fn(usize, Sensor, Vector3<f64>) -> Vector3<f64>) -> Self {
+        let later = |k: usize| (self.period * 1e9 * k as f64 / sensors as f64) as i64;
+        let of = |k: usize, (sensor, sample): &(Sensor, Sample)| {
+            let value = reads(k, *sensor, sample.value);
+            (*sensor, Sample { value, ..delayed(sample, later(k)) })
+        };
+        let all = |pair: &[_]| (0..sensors).flat_map(|k| pair.iter().map(move |one| (k, *one))).collect::<Vec<_>>();
+        self.samples = self.samples.chunks(2).flat_map(all).map(|(k, one)| of(k, &one)).collect();
+        self
+    }
+
     /// An estimator learns the bias of the gyroscope while it rests, and forgets it in motion.
     pub fn relaxing(mut self, seconds: f64) -> Self {
         let (bias, rested) = (self.truth.gyro_bias, self.rested.clone());

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
 use crate::imu::schema::lookup::PathError;
+use crate::imu::schema::path::Element;
 
 /// Plan of a message from which something is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,12 +42,25 @@ pub(super) enum Take {
         number: Number,
         coding: Coding,
         slots: Vec<(u32, usize)>,
+        /// Slots of every element.
+        every: Vec<usize>,
     },
     /// A list of messages: the elements from which something is read.
     Messages {
         list: usize,
         elements: Vec<(u32, ProtobufPlan)>,
+        every: Option<Box<EveryElement>>,
     },
+}
+
+/// Plan for every element of a list of messages.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct EveryElement {
+    pub(super) plan: ProtobufPlan,
+    pub(super) slots: Vec<usize>,
+    /// One bit for each [`ProtobufPlan::id`] in it, and its lists, which each element begins anew.
+    pub(super) ids: u32,
+    pub(super) lists: Vec<usize>,
 }
 
 /// Largest number of messages, and of lists, from which something is read; real configurations have fewer.
@@ -71,7 +85,10 @@ impl ProtobufPlan {
             compiler.want(&mut root, 0, &place.hops, None);
         }
         match compiler.messages.max(compiler.lists) {
-            0..=MAX_PARTS => Ok(root),
+            0..=MAX_PARTS => {
+                root.seal();
+                Ok(root)
+            }
             _ => Err(PathError::TooLarge { message: layout.name().to_owned(), most: MAX_PARTS }),
         }
     }
@@ -98,6 +115,36 @@ impl ProtobufPlan {
             }
             _ => None,
         })
+    }
+
+    /// Notes what each element begins anew.
+    fn seal(&mut self) {
+        for field in &mut self.fields {
+            match &mut field.take {
+                Take::Message(inner) => inner.seal(),
+                Take::Messages { every: Some(every), .. } => {
+                    let EveryElement { plan, ids, lists, .. } = &mut **every;
+                    plan.count_in(ids, lists);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Adds its parts.
+    fn count_in(&self, ids: &mut u32, lists: &mut Vec<usize>) {
+        *ids |= 1 << self.id;
+        for field in &self.fields {
+            match &field.take {
+                Take::Message(inner) => inner.count_in(ids, lists),
+                Take::Numbers { list, .. } => lists.push(*list),
+                Take::Messages { list, elements, .. } => {
+                    lists.push(*list);
+                    elements.iter().for_each(|(_, inner)| inner.count_in(ids, lists));
+                }
+                Take::Number { .. } | Take::Text => {}
+            }
+        }
     }
 }
 
@@ -129,9 +176,20 @@ impl ProtobufCompiler<'_> {
                 own.absent.push((slot, Bits(tag.absent.to_bits())));
                 return;
             }
-            (Take::Numbers { slots, .. }, Some(element), Some(slot)) => return slots.push((element, slot)),
+            (Take::Numbers { slots, .. }, Some(Element::At(element)), Some(slot)) => {
+                return slots.push((element, slot));
+            }
+            (Take::Numbers { every, .. }, Some(Element::Every), Some(slot)) => return every.push(slot),
             (Take::Message(inner), ..) => inner,
-            (Take::Messages { elements, .. }, Some(element), _) => {
+            (Take::Messages { every, .. }, Some(Element::Every), Some(slot)) => {
+                let every = every.get_or_insert_with(|| {
+                    let plan = self.protobuf();
+                    Box::new(EveryElement { plan, slots: Vec::new(), ids: 0, lists: Vec::new() })
+                });
+                every.slots.push(slot);
+                &mut every.plan
+            }
+            (Take::Messages { elements, .. }, Some(Element::At(element)), _) => {
                 let at = elements.iter().position(|(known, _)| *known == element).unwrap_or(elements.len());
                 if at == elements.len() {
                     elements.push((element, self.protobuf()));
@@ -150,9 +208,9 @@ impl ProtobufCompiler<'_> {
         self.lists += usize::from(count != Count::One);
         match (kind, count) {
             (Kind::Number(number), Count::One) => Take::Number { number, coding, slots: Vec::new() },
-            (Kind::Number(number), _) => Take::Numbers { list, number, coding, slots: Vec::new() },
+            (Kind::Number(number), _) => Take::Numbers { list, number, coding, slots: Vec::new(), every: Vec::new() },
             (Kind::Message(_), Count::One) => Take::Message(self.protobuf()),
-            (Kind::Message(_), _) => Take::Messages { list, elements: Vec::new() },
+            (Kind::Message(_), _) => Take::Messages { list, elements: Vec::new(), every: None },
             _ => Take::Text,
         }
     }

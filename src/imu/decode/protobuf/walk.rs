@@ -2,24 +2,41 @@
 
 use super::plan::{Bits, MAX_PARTS, ProtobufPlan, Take};
 use super::wire;
+use crate::imu::decode::lists::Lists;
 use crate::imu::decode::malformed::Malformed;
 use crate::imu::schema::layout::{Coding, Number};
 
 impl ProtobufPlan {
     /// Walks a message and returns the text. A missing number has its field's default, or NaN if the message or list
     /// around it is missing, too.
-    pub(in crate::imu::decode) fn read<'d>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
-        self.walk::<false>(data, numbers)
+    pub(in crate::imu::decode) fn read<'d>(
+        &self,
+        data: &'d [u8],
+        numbers: &mut [f64],
+        lists: &mut Lists,
+    ) -> Result<&'d [u8], Malformed> {
+        self.walk::<false>(data, numbers, lists)
     }
 
     /// Finds the offsets of numbers of fixed size; NaN for all others and for missing ones.
-    pub(in crate::imu::decode) fn locate(&self, data: &[u8], places: &mut [f64]) -> Result<(), Malformed> {
-        self.walk::<true>(data, places).map(drop)
+    pub(in crate::imu::decode) fn locate(
+        &self,
+        data: &[u8],
+        places: &mut [f64],
+        none: &mut Lists,
+    ) -> Result<(), Malformed> {
+        self.walk::<true>(data, places, none).map(drop)
     }
 
-    fn walk<'d, const LOCATE: bool>(&self, data: &'d [u8], numbers: &mut [f64]) -> Result<&'d [u8], Malformed> {
+    fn walk<'d, const LOCATE: bool>(
+        &self,
+        data: &'d [u8],
+        numbers: &mut [f64],
+        lists: &mut Lists,
+    ) -> Result<&'d [u8], Malformed> {
         numbers.fill(f64::NAN);
-        let mut walk = ProtobufWalk::<LOCATE> { data, at: 0, numbers, text: &[], begun: 0, counts: [0; MAX_PARTS] };
+        let counts = [0; MAX_PARTS];
+        let mut walk = ProtobufWalk::<LOCATE> { data, at: 0, numbers, lists, text: &[], begun: 0, counts };
         walk.message(self, data.len())?;
         Ok(walk.text)
     }
@@ -30,6 +47,7 @@ struct ProtobufWalk<'d, 'n, const LOCATE: bool> {
     data: &'d [u8],
     at: usize,
     numbers: &'n mut [f64],
+    lists: &'n mut Lists,
     text: &'d [u8],
     /// One bit for each [`ProtobufPlan::id`] that was met.
     begun: u32,
@@ -62,15 +80,17 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
                 let value = self.number(*number, *coding, end)?;
                 slots.iter().for_each(|&slot| self.put(slot, value));
             }
-            Take::Numbers { list, number, coding, slots } if kind == number.wire(*coding) => {
+            Take::Numbers { list, number, coding, slots, every } if kind == number.wire(*coding) => {
                 let value = self.number(*number, *coding, end)?;
                 self.element(*list, slots, value);
+                every.iter().for_each(|&slot| self.lists.push(slot, value));
             }
-            Take::Numbers { list, number, coding, slots } if kind == wire::LEN => {
+            Take::Numbers { list, number, coding, slots, every } if kind == wire::LEN => {
                 let end = self.length(end)?;
                 while self.at < end {
                     let value = self.number(*number, *coding, end)?;
                     self.element(*list, slots, value);
+                    every.iter().for_each(|&slot| self.lists.push(slot, value));
                 }
             }
             Take::Text if kind == wire::LEN => {
@@ -82,7 +102,19 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
                 let end = self.length(end)?;
                 self.message(inner, end)?;
             }
-            Take::Messages { list, elements } if kind == wire::LEN => {
+            Take::Messages { every: Some(every), .. } if kind == wire::LEN => {
+                let end = self.length(end)?;
+                self.begun &= !every.ids;
+                for &list in &every.lists {
+                    self.counts.get_mut(list).into_iter().for_each(|count| *count = 0);
+                }
+                every.slots.iter().for_each(|&slot| self.put(slot, f64::NAN));
+                self.message(&every.plan, end)?;
+                for &slot in &every.slots {
+                    self.lists.push(slot, self.numbers.get(slot).copied().unwrap_or(f64::NAN));
+                }
+            }
+            Take::Messages { list, elements, .. } if kind == wire::LEN => {
                 let end = self.length(end)?;
                 let count = self.next(*list);
                 match elements.iter().find(|(element, _)| *element == count) {
