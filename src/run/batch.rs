@@ -117,12 +117,12 @@ fn annotate_in_order(
             drop((output, unwritten, sidecar, target));
             return annotate(&input.with_split(index, original)?, outputs, config, options, watch);
         }
-        if !alone && let Some(error) = annotated_before(split.path(), splits.learner.sources()) {
-            return Err(error);
-        }
         if let Some(apart) = splits.learner.apart() {
             drop((output, unwritten, sidecar, target));
             return annotate_in_order(input, outputs, (config, mark), options, watch, Some(apart));
+        }
+        if let Some(note) = annotated_before(splits.learner.sources()).filter(|_| !alone) {
+            tracing::warn!("{}: {note}", split.path().display());
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());
         if let Some(output) = output {

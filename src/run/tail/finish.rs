@@ -54,7 +54,7 @@ impl Shell<'_> {
         let (length, remains) = (progression.offset(), progression.remains(ending)?);
         let Progression { location, done, growing, scan, learner, sidecar, blocks, .. } = progression;
         let useless = (!learner.has_imu()).then(|| no_imu(location.path(), learner.sources(), &learner.obstacles()));
-        let annotated = annotated_before(location.path(), learner.sources());
+        let annotated = annotated_before(learner.sources());
         let learned = learner.finish(notify);
         let here = Split {
             name: String::new(),
@@ -91,8 +91,8 @@ impl Shell<'_> {
             let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
             return Ok(Tailed { report, length, output, written: Written::Now, ending });
         };
-        if let Some(error) = annotated {
-            return Err(error);
+        if let Some(note) = annotated {
+            notify(Notice::Trouble(&format!("it {note}")));
         }
         let (report, written) = self.patiently(notify, |shell| shell.fold(&input, &splits, &learned))?;
         match self.following.keep_sidecar {
