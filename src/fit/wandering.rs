@@ -8,6 +8,7 @@
 //! A placement shows the bias along the vertical. Turns show it across: a bias that moved tilts gravity as the
 //! accelerometer sees it, and not as the gyroscope predicts it.
 
+mod bias_equations;
 mod courses;
 
 use nalgebra::{DVector, Matrix3, Vector3};
