@@ -4,11 +4,8 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-#[cfg(not(feature = "object-store"))]
 mod absent;
-#[cfg(feature = "object-store")]
 mod server;
-#[cfg(feature = "object-store")]
 mod web;
 
 use common::Folder;
