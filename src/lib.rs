@@ -15,7 +15,8 @@
 //!
 //! From the bottom up; each layer may import only those above it in this list, and a test enforces that.
 //!
-//! * [`topic`]: names of annotation topics. [`printable`]: escaping of outside text for printing.
+//! * [`topic`]: names of annotation topics. [`printable`]: escaping of outside text for printing. `plural`:
+//!   numbers of things in sentences.
 //! * [`messages`]: the annotations as types, generated from `schemas/`.
 //! * [`record`]: MCAP bytes. Scanning a recording for messages, folding annotations into it, stripping them off.
 //! * [`imu`]: samples, and how message bytes become samples: schema text to layout, layout to numbers, channels to
@@ -102,6 +103,7 @@ mod cli;
 mod commands;
 mod console;
 mod error;
+mod plural;
 mod printable;
 mod stamp;
 

@@ -14,13 +14,13 @@ use crate::messages::foxglove::log::Level;
 use crate::messages::segment::Reason;
 use crate::messages::triad::Status;
 use crate::messages::{self, Segment, Triad, Vector3};
+use crate::plural::counted;
 use crate::still::{self, Segmenter, State};
 
 /// Note that rests were left out of a gyroscope's bias as turns.
 pub(super) fn some_turned(count: usize) -> String {
-    format!(
-        "{count} rests turned at a constant rate and are left out: let it rest where nothing turns to confirm its bias"
-    )
+    let rests = counted(count as u64, "rest");
+    format!("{rests} turned at a constant rate and left out: let it rest where nothing turns to confirm its bias")
 }
 
 /// Log line on a rest that did not enter the fit.

@@ -9,6 +9,7 @@ use super::units::{self, ForceScale};
 use crate::fit::{self, Calibration, Fixture};
 use crate::imu::{AccelUnit, Sensor};
 use crate::messages::segment::Reason;
+use crate::plural::counted;
 use crate::still::{self, Rest, Segmenter, Signal, TriadMean};
 
 /// Settings and data that rests are judged by.
@@ -172,7 +173,8 @@ fn clipped(rest: &Rest) -> Option<String> {
     let gyroscope = rest.gyroscope.as_ref().map_or(0, |mean| mean.clipped);
     let said = [("accelerometer", rest.accelerometer.clipped), ("gyroscope", gyroscope)];
     said.into_iter().find(|(_, clipped)| *clipped > 0).map(|(name, clipped)| {
-        format!("the driver says that {clipped} readings of the {name} were clipped: set a wider range in the driver")
+        let readings = counted(clipped, "reading");
+        format!("the driver says that it clipped {readings} of the {name}: set a wider range in the driver")
     })
 }
 

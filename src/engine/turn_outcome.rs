@@ -2,6 +2,7 @@
 
 use crate::Stamp;
 use crate::fit::turn_fit::{BiasCourses, TooLittle, TurnEstimate};
+use crate::plural::counted;
 use crate::turns::Unusable;
 
 /// Outcome of the fit to turns beside an accelerometer: an estimate, or the reason why not.
@@ -46,7 +47,7 @@ impl Turning {
             Err(why) => remarks.push(format!("no sensitivity from turns: {why}")),
         }
         for (why, count) in &self.unusable {
-            remarks.push(format!("{count} turns do not count: {why}"));
+            remarks.push(format!("{} without use: {why}", counted(*count as u64, "turn")));
         }
         remarks
     }

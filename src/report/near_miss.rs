@@ -7,6 +7,9 @@ use crate::messages::stillness::State;
 /// Most spans that are kept; a recording of vibration has countless ones.
 const KEPT: usize = 100;
 
+/// A nearly still span of at most this length right after a rest is the transition out of it, ns.
+const TRANSITION: i64 = 2_000_000_000;
+
 /// A span that was nearly a rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearMiss {
@@ -25,8 +28,10 @@ pub struct NearMiss {
 pub struct NearMisses {
     all: Vec<NearMiss>,
     further: usize,
-    /// A span that may still become a rest.
-    open: Option<NearMiss>,
+    /// A span that may still become a rest, and whether it began right after one.
+    open: Option<(NearMiss, bool)>,
+    /// Whether the last state was a rest.
+    rested: bool,
 }
 
 impl NearMisses {
@@ -36,17 +41,20 @@ impl NearMisses {
         let Stillness { statistic, enter, leave, .. } = *said;
         match said.state() {
             State::Moving if statistic < leave => {
-                let open = self.open.get_or_insert(NearMiss { start: stamp, end: stamp, lowest: statistic, enter });
+                let begun = NearMiss { start: stamp, end: stamp, lowest: statistic, enter };
+                let (open, _) = self.open.get_or_insert((begun, self.rested));
                 open.end = stamp;
                 open.lowest = open.lowest.min(statistic);
             }
             State::Moving => match self.open.take() {
-                Some(miss) if self.all.len() < KEPT => self.all.push(miss),
+                Some((miss, true)) if miss.end - miss.start < TRANSITION => {}
+                Some((miss, _)) if self.all.len() < KEPT => self.all.push(miss),
                 Some(_) => self.further += 1,
                 None => {}
             },
             _ => self.open = None,
         }
+        self.rested = said.state() == State::Still;
     }
 
     /// The spans that are kept.
@@ -109,9 +117,12 @@ mod tests {
             &[(Moving, 90.0), (Moving, 4.1), (Still, 1.0), (Moving, 90.0)][..],
             &[(Moving, 90.0), (Moving, 5.5), (Moving, 90.0)],
             &[(Unknown, 4.0), (Unknown, f64::NAN), (Moving, 90.0)],
+            &[(Still, 1.0), (Moving, 4.6), (Moving, 4.8), (Moving, 90.0)],
         ] {
             assert_eq!((misses(other).count(), misses(other).advice()), (0, None), "{other:?}");
         }
+        let shaken_after_a_rest = [(Still, 1.0), (Moving, 4.6), (Moving, 4.6), (Moving, 4.6), (Moving, 90.0)];
+        assert_eq!(misses(&shaken_after_a_rest).count(), 1);
         let many: Vec<_> = (0..KEPT + 5).flat_map(|_| quiet).collect();
         assert_eq!((misses(&many).count(), misses(&many).iter().count()), (KEPT + 5, KEPT));
     }

@@ -60,7 +60,7 @@ pub fn weight(note: &str) -> Weight {
     /// These begin with numbers.
     const SHORT_RANGE: &str = " °C are too little of a range to tell how the bias depends on the temperature";
     const COUNTED: [&str; 3] =
-        [" turns do not count: ", " rests have no temperature, so ", " from recording to recording: followed to "];
+        [" without use: ", " rests have no temperature, so ", " from recording to recording: followed to "];
     let refused = note.split_once(" is not determined: ").is_some_and(|(name, _)| model_named(name).is_some());
     match note {
         _ if refused || DETAILS.iter().any(|begin| note.starts_with(begin)) => Weight::Detail,
@@ -124,7 +124,7 @@ mod tests {
         ] {
             assert_eq!(weight(&why.to_string()), expected, "{why}");
         }
-        assert_eq!(weight("3 turns do not count: it lasted more than 20 s"), Weight::Hint);
+        assert_eq!(weight("3 turns without use: it lasted more than 20 s"), Weight::Hint);
     }
 
     #[test]

@@ -133,6 +133,10 @@ pub struct Triad {
     /// Correlation time of the noise (decay to 1/e), as after a low-pass filter, in seconds; 0 for white noise.
     #[serde(default)]
     pub noise_correlation_s: f64,
+    /// Frequency at which its low-pass filter of first order takes off 3 dB, in Hz; what it measures is filtered, and
+    /// `noise` is what is left of the noise. No filter if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bandwidth_hz: Option<f64>,
     /// Quantisation step, in m/s² or rad/s; 0 for none.
     #[serde(default)]
     pub step: f64,
@@ -271,6 +275,8 @@ pub struct Motion {
     pub shake: f64,
     /// Frequency of the shake, in Hz.
     pub shake_hz: f64,
+    /// Knock with which it is put down, in m/s²: it shakes vertically and rocks, both dying away before the rest.
+    pub knock: f64,
 }
 
 impl Default for Motion {
@@ -284,6 +290,7 @@ impl Default for Motion {
             wobble_deg: 10.0,
             shake: 0.5,
             shake_hz: 5.0,
+            knock: 0.0,
         }
     }
 }

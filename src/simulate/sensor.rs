@@ -1,5 +1,7 @@
 //! Measurement model of one sensor: `measured = bias + S · true`, the cross terms, noise, quantisation, saturation.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -26,6 +28,7 @@ pub(super) struct Sensor {
     /// Autocorrelation of the noise from one sample to the next, 0 to 1.
     memory: f64,
     noise: Vector3<f64>,
+    filter: Option<LowPass>,
     taken: u64,
     /// Last recorded value.
     recorded: Option<Vector3<f64>>,
@@ -49,6 +52,7 @@ impl Sensor {
             offsets,
             noise: normal(&mut random) * triad.noise,
             memory,
+            filter: triad.bandwidth_hz.map(|bandwidth| LowPass::new(bandwidth, triad.rate_hz)),
             random,
             taken: 0,
             recorded: None,
@@ -75,7 +79,9 @@ impl Sensor {
         let fresh = self.triad.noise * (1.0 - self.memory * self.memory).sqrt();
         self.noise = self.noise * self.memory + normal(&mut self.random) * fresh;
         self.taken += 1;
-        let reading = bias + self.sensitivity * own + cross + self.offset(state) + self.noise;
+        let input = self.sensitivity * own + cross;
+        let input = self.filter.as_mut().map_or(input, |filter| filter.next(input));
+        let reading = bias + input + self.offset(state) + self.noise;
         let reading = reading.map(|value| self.saturate(self.quantise(value)));
         let recorded = self.triad.fault.recorded(reading, seconds, self.recorded);
         self.recorded = Some(recorded);
@@ -104,6 +110,33 @@ impl Sensor {
 
     fn saturate(&self, value: f64) -> f64 {
         self.triad.range.map_or(value, |range| value.clamp(-range, range))
+    }
+}
+
+/// Low-pass filter of first order, exact for inputs that are linear between samples (first-order hold: Franklin, Powell
+/// and Workman, Digital Control of Dynamic Systems, 3rd edition, section 6.3.2).
+#[derive(Clone, Debug)]
+struct LowPass {
+    /// What is left of a step after one sample, and the share of the last change that the output has followed.
+    left: f64,
+    followed: f64,
+    /// Last input and output.
+    last: Option<[Vector3<f64>; 2]>,
+}
+
+impl LowPass {
+    fn new(bandwidth_hz: f64, rate_hz: f64) -> Self {
+        // Samples in a time constant.
+        let constant = rate_hz / (TAU * bandwidth_hz);
+        let left = libm::exp(-1.0 / constant);
+        Self { left, followed: 1.0 - (1.0 - left) * constant, last: None }
+    }
+
+    fn next(&mut self, input: Vector3<f64>) -> Vector3<f64> {
+        let [before, output] = self.last.unwrap_or([input, input]);
+        let output = output * self.left + before * (1.0 - self.left) + (input - before) * self.followed;
+        self.last = Some([input, output]);
+        output
     }
 }
 

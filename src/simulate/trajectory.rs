@@ -16,6 +16,11 @@ use super::{Motion, Scenario, Vibration};
 /// Rate of the Earth's rotation, in rad/s (IERS Conventions 2010, table 1.2).
 const EARTH_RATE: f64 = 7.292_115e-5;
 
+/// Knock: duration, frequency and lever.
+const KNOCK_S: f64 = 0.12;
+const KNOCK_HZ: f64 = 20.0;
+const KNOCK_LEVER_M: f64 = 0.05;
+
 /// True quantities at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
@@ -82,9 +87,20 @@ struct Leg {
     carry: Vector3<f64>,
     lift: Vector3<f64>,
     shake: [[Sine; 3]; 3],
+    knock: Knock,
     duration_s: f64,
     /// Part of the motion before the start of the recording, in seconds.
     skipped_s: f64,
+}
+
+/// Impact at the end of a motion: vertical acceleration, and rocking about a horizontal axis, that die away.
+#[derive(Clone, Debug)]
+struct Knock {
+    /// Acceleration at the beginning, in m/s².
+    acceleration: f64,
+    /// Axis of the world that it rocks about.
+    axis: Unit<Vector3<f64>>,
+    duration_s: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -251,6 +267,11 @@ impl Leg {
             carry: Vector3::new(cos, sin, 0.0) * motion.carry_m,
             lift: Vector3::z() * motion.lift_m,
             shake,
+            knock: Knock {
+                acceleration: motion.knock,
+                axis: Unit::new_unchecked(Vector3::new(-sin, cos, 0.0)),
+                duration_s: KNOCK_S.min(duration_s / 4.0),
+            },
             duration_s,
             skipped_s: 0.0,
         }
@@ -273,7 +294,27 @@ impl Leg {
         let shake = self.shake.map(|sines| sines.iter().map(|sine| sine.at(seconds)).sum());
         let acceleration = (self.carry * acceleration + self.lift * bump_acceleration) / (duration * duration)
             + Vector3::from(shake) * bump;
-        (attitude, rate, acceleration, self.poses, progress)
+        let (rocked, rocking, jolt) = self.knock.at(duration * v);
+        let axis = self.knock.axis;
+        let rate = rate + attitude.inverse_transform_vector(&(axis.into_inner() * rocking));
+        (rotation(&axis, rocked) * attitude, rate, acceleration + Vector3::z() * jolt, self.poses, progress)
+    }
+}
+
+impl Knock {
+    /// Angle in rad, rate in rad/s and vertical acceleration in m/s² at `left` seconds before the end of the motion. It
+    /// rocks as if the acceleration were felt at the end of a lever.
+    fn at(&self, left: f64) -> (f64, f64, f64) {
+        if self.acceleration == 0.0 || left >= self.duration_s {
+            return (0.0, 0.0, 0.0);
+        }
+        let decay = left / self.duration_s;
+        let speed = TAU * KNOCK_HZ;
+        let (sin, cos) = libm::sincos(speed * (self.duration_s - left));
+        let envelope = decay * decay * decay;
+        let angle = self.acceleration / (speed * speed * KNOCK_LEVER_M);
+        let rate = angle * (speed * envelope * cos - 3.0 * decay * decay / self.duration_s * sin);
+        (angle * envelope * sin, rate, self.acceleration * envelope * cos)
     }
 }
 

@@ -38,6 +38,7 @@ pub(super) fn validate(scenario: &Scenario) -> Result<(), Error> {
         ("motion.wobble_deg", motion.wobble_deg),
         ("motion.shake", motion.shake),
         ("motion.shake_hz", motion.shake_hz),
+        ("motion.knock", motion.knock),
     ] {
         within(key, value, 0.0, LONGEST_S)?;
     }
@@ -101,6 +102,9 @@ fn triad(key: &str, triad: &Triad) -> Result<(), Error> {
     bounded(&format!("{key}.fault.factor"), &[triad.fault.factor])?;
     if let Some(constant) = triad.fault.bias_learned_in_s {
         positive(&format!("{key}.fault.bias_learned_in_s"), constant)?;
+    }
+    if let Some(bandwidth) = triad.bandwidth_hz {
+        positive(&format!("{key}.bandwidth_hz"), bandwidth)?;
     }
     if let Some(range) = triad.range {
         positive(&format!("{key}.range"), range)?;

@@ -13,10 +13,10 @@ fn readme() -> String {
     std::fs::read_to_string(root().join("README.md")).unwrap()
 }
 
-/// The fenced blocks of a language.
-fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
-    let fence = format!("```{language}\n");
-    text.split(&fence).skip(1).map(|rest| rest.split("```").next().unwrap()).collect()
+/// The fenced blocks in order, each with its language.
+fn blocks(text: &str) -> Vec<(&str, &str)> {
+    let fenced = text.split("\n```").skip(1).step_by(2);
+    fenced.map(|block| block.split_once('\n').unwrap()).collect()
 }
 
 #[test]
@@ -30,22 +30,27 @@ fn every_command_works_in_the_order_of_the_text() {
     }
     let path = format!("{}:{}", Path::new(&program()).parent().unwrap().display(), std::env::var("PATH").unwrap());
 
-    let mut ran = Vec::new();
-    for command in blocks(&text, "sh").iter().flat_map(|block| block.lines()) {
-        if BUILDING.contains(&command) {
+    let (mut ran, mut told, mut shown) = (Vec::new(), None, 0);
+    for (language, block) in blocks(&text) {
+        // What follows commands at once is what the last of them prints.
+        if let ("text", Some(told)) = (language, told.take()) {
+            assert_eq!(block, told, "{:?}: what the README shows", ran.last());
+            shown += 1;
+        }
+        for command in block.lines().filter(|_| language == "sh") {
             ran.push(command);
-            continue;
+            if BUILDING.contains(&command) {
+                continue;
+            }
+            let shell = command.replacen("cargo run --", "stillpoint", 1);
+            assert!(!shell.contains("cargo"), "{command}: a new command that builds");
+            let run = finish(Command::new("sh").args(["-c", &shell]).current_dir(folder.path()).env("PATH", &path));
+            assert_eq!(run.code, 0, "{command}: {}{}", run.stdout, run.stderr);
+            told = Some(run.stderr.trim_end().to_owned());
         }
-        let shell = command.replacen("cargo run --release --", "stillpoint", 1);
-        assert!(!shell.contains("cargo"), "{command}: a new command that builds");
-        let run = finish(Command::new("sh").args(["-c", &shell]).current_dir(folder.path()).env("PATH", &path));
-        assert_eq!(run.code, 0, "{command}: {}{}", run.stdout, run.stderr);
-        if command.starts_with("cargo run") {
-            assert_eq!(run.stderr, blocks(&text, "text")[0], "{command}: what the README shows");
-        }
-        ran.push(command);
     }
-    assert!(ran[0].starts_with("cargo run --release -- annotate testdata/"), "the first command is the main job");
+    assert!(shown >= 2, "the README shows what its commands print");
+    assert!(ran[0].starts_with("cargo run -- annotate testdata/"), "the first command is the main job");
     assert_eq!(ran[1], "cargo test", "the second runs the tests");
     BUILDING.iter().for_each(|command| assert!(ran.contains(command), "{command} is gone"));
 }
@@ -78,7 +83,7 @@ fn described(png: &[u8]) -> Option<String> {
 
 #[test]
 fn the_configuration_shown_is_valid() {
-    for block in blocks(&readme(), "toml") {
+    for (_, block) in blocks(&readme()).into_iter().filter(|(language, _)| *language == "toml") {
         stillpoint::config::Config::load(&[stillpoint::config::Layer::file("README.md", block)]).unwrap();
     }
 }

@@ -7,7 +7,7 @@ use crate::common::needs::root;
 
 /// The layers, each of which may import those in front of it. `bin` is the program on top of them.
 const LAYERS: [&[&str]; 18] = [
-    &["printable", "stamp", "topic"],
+    &["plural", "printable", "stamp", "topic"],
     &["messages"],
     &["record"],
     &["imu"],

@@ -238,7 +238,7 @@ fn a_turn_about_a_level_axis_of_many_revolutions_is_no_unit() {
 
 #[test]
 fn simulated_sessions_in_right_units_are_not_accused() {
-    for name in ["demo", "thesis-sequence-1", "thesis-sequence-3", "rate-table"] {
+    for name in ["demo", "six-faces", "thesis-sequence-1", "thesis-sequence-3", "rate-table"] {
         let mut scenario = Scenario::builtin(name).unwrap();
         for seed in 0..2 {
             scenario.recording.seed = seed;

@@ -4,6 +4,7 @@
 #[path = "../common/needs.rs"]
 mod needs;
 
+mod hand;
 mod recording;
 mod samples;
 mod testdata;

@@ -285,5 +285,5 @@ fn a_table_with_overrides_is_the_same_scenario() {
 #[test]
 fn an_unknown_built_in_scenario_is_refused_with_those_there_are() {
     let problem = Scenario::builtin("thesis").unwrap_err().to_string();
-    assert!(problem.contains("demo, thesis-sequence-1, thesis-sequence-3"), "{problem}");
+    assert!(problem.contains("demo, thesis-sequence-1, thesis-sequence-3, rate-table, six-faces"), "{problem}");
 }

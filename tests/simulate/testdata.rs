@@ -1,6 +1,6 @@
-//! `testdata/` holds the built-in demo, recorded, with its truth.
+//! `testdata/` holds two built-in scenarios, recorded, with their truth.
 //!
-//! `STILLPOINT_UPDATE=1 cargo test --test simulate testdata` records it anew after the scenario was edited.
+//! `STILLPOINT_UPDATE=1 cargo test --test simulate testdata` records them anew after a scenario was edited.
 
 use stillpoint::simulate::{Scenario, Truth, record};
 
@@ -16,15 +16,17 @@ fn testdata(name: &str, fresh: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn the_recorded_demo_is_what_the_scenario_says() {
-    let mut recording = Vec::new();
-    let truth = record(&Scenario::builtin("demo").unwrap(), &mut recording).unwrap();
-    let mut json = serde_json::to_vec_pretty(&truth).unwrap();
-    json.push(b'\n');
-    assert!(
-        testdata("demo.mcap", &recording) == recording,
-        "run STILLPOINT_UPDATE=1 cargo test --test simulate testdata"
-    );
-    let stored: Truth = serde_json::from_slice(&testdata("demo.truth.json", &json)).unwrap();
-    assert_eq!(stored, truth);
+fn what_is_recorded_is_what_the_scenario_says() {
+    for name in ["demo", "six-faces"] {
+        let mut recording = Vec::new();
+        let truth = record(&Scenario::builtin(name).unwrap(), &mut recording).unwrap();
+        let mut json = serde_json::to_vec_pretty(&truth).unwrap();
+        json.push(b'\n');
+        assert!(
+            testdata(&format!("{name}.mcap"), &recording) == recording,
+            "run STILLPOINT_UPDATE=1 cargo test --test simulate testdata"
+        );
+        let stored: Truth = serde_json::from_slice(&testdata(&format!("{name}.truth.json"), &json)).unwrap();
+        assert_eq!(stored, truth);
+    }
 }

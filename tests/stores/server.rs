@@ -38,6 +38,8 @@ impl Server {
 fn answer(mut stream: &TcpStream, file: &[u8], asked: &Mutex<Vec<(u64, u64)>>, trouble: Trouble) -> Option<()> {
     let lines: Vec<_> =
         BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+    // The answer to one has no body, which the next request on the connection would take for its own.
+    let is_head = lines.first()?.starts_with("HEAD ");
     let is_file = lines.first()?.contains(".mcap ");
     let range = lines.iter().find_map(|line| line.to_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
     let (from, until) = range.as_deref().unwrap_or("0-").split_once('-')?;
@@ -67,7 +69,7 @@ fn answer(mut stream: &TcpStream, file: &[u8], asked: &Mutex<Vec<(u64, u64)>>, t
             stream
                 .write_all(format!("HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nETag: \"1\"\r\n\r\n").as_bytes())
                 .ok()?;
-            stream.write_all(file).ok()?;
+            stream.write_all(if is_head { &[] } else { file }).ok()?;
         }
         Some("cut") => {
             stream.write_all(head("206 Partial Content", body.len()).as_bytes()).ok()?;
@@ -78,7 +80,7 @@ fn answer(mut stream: &TcpStream, file: &[u8], asked: &Mutex<Vec<(u64, u64)>>, t
         Some(status) => stream.write_all(head(status, 0).as_bytes()).ok()?,
         None => {
             stream.write_all(head("206 Partial Content", body.len()).as_bytes()).ok()?;
-            stream.write_all(body).ok()?;
+            stream.write_all(if is_head { &[] } else { body }).ok()?;
         }
     }
     Some(())

@@ -1,5 +1,7 @@
 //! Reasons why turns do not determine a sensitivity.
 
+use crate::plural::counted;
+
 /// Fewest turns of a fit.
 pub(super) const LEAST_TURNS: usize = 8;
 
@@ -11,14 +13,15 @@ pub(super) const PRECISE: f64 = 0.005;
 pub enum TooLittle {
     /// Too few turns between accepted rests.
     #[error(
-        "{turned} turns by 30° or more between accepted rests, {LEAST_TURNS} are needed: turn it from face to face"
+        "{} by 30° or more between accepted rests, {LEAST_TURNS} are needed: turn it from face to face",
+        counted(*turned as u64, "turn")
     )]
     Few {
         /// Turns that rotate gravity by 30° or more.
         turned: usize,
     },
     /// Turns whose residuals have too few degrees of freedom.
-    #[error("{turns} turns do not check each other yet: turn it on from face to face, about all axes")]
+    #[error("{} without a check by others yet: turn it on from face to face, about all axes", counted(*turns as u64, "turn"))]
     Unchecked {
         /// Turns in the fit.
         turns: usize,

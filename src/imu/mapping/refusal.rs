@@ -1,5 +1,7 @@
 //! Refusals of messages and readings: causes and counts.
 
+use crate::plural::counted;
+
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -70,8 +72,8 @@ impl fmt::Display for RefusalCount {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { topic, sensor, cause, count } = self;
         match sensor {
-            Some(sensor) => write!(f, "{topic}, {sensor}: {count} readings refused: {cause}"),
-            None => write!(f, "{topic}: {count} messages refused: {cause}"),
+            Some(sensor) => write!(f, "{topic}, {sensor}: {} refused: {cause}", counted(*count, "reading")),
+            None => write!(f, "{topic}: {} refused: {cause}", counted(*count, "message")),
         }
     }
 }
