@@ -1,12 +1,19 @@
 //! What the user typed. What it means is left to the [`commands`](crate::commands).
 
-use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _};
-use std::path::PathBuf;
-use std::time::Duration;
+mod following;
+mod shared;
+mod values;
 
-use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::path::PathBuf;
+
 use clap::{Args, Parser, Subcommand};
-use stillpoint::report::{Axes, Format, RandomWalk};
+use stillpoint::report::{Format, RandomWalk};
+
+pub use following::{Tail, Watch};
+#[cfg(feature = "live")]
+pub use shared::Viewing;
+pub use shared::{Against, Configuration, Pointing};
+use values::{on_disk, one_of};
 
 /// Learns the calibration of an IMU from the moments when it rests in an MCAP recording, and writes it back.
 #[derive(Debug, Parser)]
@@ -68,33 +75,6 @@ pub enum Command {
 }
 
 #[derive(Clone, Debug, Args)]
-pub struct Configuration {
-    /// Configuration file (TOML)
-    #[arg(short, long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// One setting over the file, for example still.min_fit_s=2; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-}
-
-#[derive(Clone, Debug, Args)]
-pub struct Against {
-    /// An earlier calibration in any format of export: say how far the sensor has moved since. What tail and watch show
-    /// live is corrected by it until there is a new one
-    #[arg(long, value_name = "FILE")]
-    pub against: Option<PathBuf>,
-    #[command(flatten)]
-    pub pointing: Pointing,
-}
-
-#[derive(Clone, Copy, Debug, Args)]
-pub struct Pointing {
-    /// Which way the axes of the recording point, for parameters of an autopilot, which has its own
-    #[arg(long, value_parser = one_of(Axes::ALL.iter().copied()))]
-    pub axes: Option<Axes>,
-}
-
-#[derive(Clone, Debug, Args)]
 pub struct Annotate {
     /// The recordings: files, or rosbag2 folders, each of which is one; or objects (s3://, gs://, az://, https://), a prefix
     /// of which, with a slash at its end, stands for all recordings under it
@@ -148,157 +128,6 @@ pub struct Annotate {
     pub against: Against,
     #[command(flatten)]
     pub configuration: Configuration,
-}
-
-#[cfg(feature = "live")]
-#[derive(Debug, Args)]
-pub struct Viewing {
-    /// Show what grows to Foxglove and Lichtblick as it comes; without an address, on this machine alone
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8765", value_parser = address)]
-    pub live: Option<SocketAddr>,
-    /// Also serve viewers on pages of this origin (https://viewer.example), or by this host name (robot.example)
-    #[arg(long, value_name = "NAME", requires = "live")]
-    pub live_allow: Vec<String>,
-}
-
-#[derive(Debug, Args)]
-pub struct Tail {
-    /// The recording, a file or a rosbag2 folder; it may not be there yet
-    #[arg(value_parser = on_disk())]
-    pub input: PathBuf,
-    /// Where to write [default: INPUT's name with .annotated.mcap]. Until then, its name with .stillpoint.mcap grows
-    #[arg(short, long, value_name = "OUT", value_parser = on_disk())]
-    pub output: Option<PathBuf>,
-    /// A recording that does not grow for so long was given up by its recorder [default: 60s]. When given, one that
-    /// does not begin for so long is an error
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
-    pub idle_timeout: Option<Duration>,
-    /// How often to look whether it has grown
-    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
-    pub poll: Duration,
-    #[cfg(feature = "live")]
-    #[command(flatten)]
-    pub viewing: Viewing,
-    /// Keep the annotations as a file of their own beside the annotated recording
-    #[arg(long)]
-    pub keep_sidecar: bool,
-    /// Replace an output that exists
-    #[arg(long)]
-    pub force: bool,
-    /// Also write a result when no topic is an IMU
-    #[arg(long)]
-    pub allow_no_imu: bool,
-    /// Exit with 4 unless every IMU got an accelerometer calibration
-    #[arg(long)]
-    pub require_calibration: bool,
-    /// Exit with 0 when the recording was damaged or never finished
-    #[arg(long)]
-    pub accept_damage: bool,
-    /// Wait until the output is on the device
-    #[arg(long)]
-    pub sync: bool,
-    #[command(flatten)]
-    pub against: Against,
-    #[command(flatten)]
-    pub configuration: Configuration,
-}
-
-#[derive(Debug, Args)]
-pub struct Watch {
-    /// Where recordings appear, files and rosbag2 folders, in its folders too; or a prefix of an object store
-    /// (s3://bucket/prefix), where each recording that no longer changes gets a sidecar
-    #[arg(value_name = "DIR")]
-    pub folder: PathBuf,
-    /// Folder to write into, under the same names and folders [default: beside the recordings]
-    #[arg(long, value_name = "DIR")]
-    pub out_dir: Option<PathBuf>,
-    /// Serve /healthz, /readyz and Prometheus /metrics here; without an address, on this machine alone
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:9464", value_parser = address)]
-    pub metrics: Option<SocketAddr>,
-    #[cfg(feature = "live")]
-    #[command(flatten)]
-    pub viewing: Viewing,
-    /// How often to look through the directory, or to list the prefix [default: 1s; 60s for a prefix, since listings are
-    /// paid for]
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
-    pub interval: Option<Duration>,
-    /// A recording that does not grow for so long was given up by its recorder
-    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "60s")]
-    pub idle_timeout: Duration,
-    /// How often to look whether a recording has grown
-    #[arg(long, value_name = "DURATION", value_parser = duration, default_value = "20ms")]
-    pub poll: Duration,
-    /// Growing recordings that are followed at a time
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = at_least_one)]
-    pub growing: usize,
-    /// Finished recordings that are worked on at a time [default: one a core]
-    #[arg(long, value_name = "N", value_parser = at_least_one)]
-    pub jobs: Option<usize>,
-    /// A finished recording that takes longer is left alone [default: 10min, and a second more for each MiB]
-    #[arg(long, value_name = "DURATION", value_parser = duration)]
-    pub time_limit: Option<Duration>,
-    /// Keep the annotations as files of their own beside the annotated recordings
-    #[arg(long)]
-    pub keep_sidecar: bool,
-    /// Wait until each output is on the device
-    #[arg(long)]
-    pub sync: bool,
-    #[command(flatten)]
-    pub configuration: Configuration,
-}
-
-fn at_least_one(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|&number| number > 0).ok_or_else(|| "expected a number from 1 on".to_owned())
-}
-
-/// A choice among values, each with its name and what is said of it.
-fn one_of<T: Copy + Send + Sync + 'static>(
-    all: impl IntoIterator<Item = (T, &'static str, &'static str)>,
-) -> impl TypedValueParser<Value = T> {
-    let all: Vec<_> = all.into_iter().collect();
-    let names = all.iter().map(|&(_, name, help)| PossibleValue::new(name).help(help)).collect::<Vec<_>>();
-    PossibleValuesParser::new(names).try_map(move |typed| {
-        let chosen = all.iter().find(|(_, name, _)| *name == typed);
-        chosen.map(|&(value, ..)| value).ok_or("no such choice")
-    })
-}
-
-/// Where to listen: `HOST:PORT`, or a port alone on this machine.
-fn address(text: &str) -> Result<SocketAddr, String> {
-    if let Ok(port) = text.parse() {
-        return Ok((Ipv4Addr::LOCALHOST, port).into());
-    }
-    let found: Vec<_> = text.to_socket_addrs().into_iter().flatten().collect();
-    let found = found.iter().find(|address| address.is_ipv4()).or(found.first());
-    found.copied().ok_or_else(|| {
-        "expected HOST:PORT, such as 127.0.0.1:9464, or a port alone; what else the command takes stands before the option"
-            .to_owned()
-    })
-}
-
-/// A recording, which is no pipe.
-fn on_disk() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path: PathBuf| match path.as_os_str() == "-" {
-        true => {
-            Err("recordings are read and written as files, not through pipes; name a file (./- is one of this name)")
-        }
-        false => Ok(path),
-    })
-}
-
-/// `500ms`, `30s`, `5min`, `2h`; a bare number is in seconds.
-fn duration(text: &str) -> Result<Duration, String> {
-    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
-    let seconds = match unit {
-        "ms" => 1e-3,
-        "" | "s" => 1.0,
-        "m" | "min" => 60.0,
-        "h" => 3600.0,
-        _ => return Err(format!("`{unit}` is no unit of time; write 500ms, 30s, 5min or 2h")),
-    };
-    let number = text.strip_suffix(unit).and_then(|number| number.parse::<f64>().ok());
-    let duration = number.and_then(|number| Duration::try_from_secs_f64(number * seconds).ok());
-    duration.filter(|duration| !duration.is_zero()).ok_or_else(|| "expected a time such as 30s".to_owned())
 }
 
 #[derive(Debug, Args)]
@@ -473,7 +302,7 @@ pub struct Repair {
 
 #[derive(Debug, Args)]
 pub struct Simulate {
-    /// A built-in scenario (demo, rate-table, thesis-sequence-1 or thesis-sequence-3), or a scenario file (TOML)
+    /// A built-in scenario (demo, six-faces, rate-table, thesis-sequence-1 or thesis-sequence-3), or a scenario file (TOML)
     #[arg(default_value = "demo")]
     pub scenario: String,
     /// Where to write the recording
