@@ -103,6 +103,7 @@ mod tests {
         for (table, text) in [
             ("still", "[still]\nx=1"),
             ("fit", "[fit]\nx=1"),
+            ("fit.rotations", "[[fit.rotations]]\nx=1"),
             ("fit.fixture", "[fit.fixture]\nx=1"),
             ("fit.bounds", "[fit.bounds]\nx=1"),
             ("output", "[output]\nx=1"),
@@ -194,6 +195,18 @@ mod tests {
             ),
             ("[still]\nwindow_s = 0", "a.toml:2: `still.window_s`: must be positive, is 0"),
             ("[still]\nwindow_s = nan", "a.toml:2: `still.window_s`: must be positive, is NaN"),
+            (
+                "[[fit.rotations]]\nbegin_s = 1\nend_s = 4\nangle_deg = 360\n[[fit.rotations]]\nbegin_s = 3\nend_s = 6\nangle_deg = 360",
+                "a.toml:6: `fit.rotations.1.begin_s`: the span overlaps that of `fit.rotations.0`",
+            ),
+            (
+                "[[fit.rotations]]\nbegin_s = 1\nend_s = inf\nangle_deg = 360",
+                "a.toml:3: `fit.rotations.0.end_s`: must come after `begin_s` (1), is inf",
+            ),
+            (
+                "[[fit.rotations]]\nbegin_s = 1\nend_s = 2\nangle_deg = 0",
+                "a.toml:4: `fit.rotations.0.angle_deg`: must be an angle up to 36000 degrees, not zero, is 0",
+            ),
             ("[still]\n\nleave = 2", "a.toml:3: `still.leave`: must not be below `still.enter` (3), is 2"),
             (
                 "[[imu]]\ntopic='/a'\n[[imu]]\ntopic='/a'",
@@ -210,6 +223,9 @@ mod tests {
             error(&[file("[limits]\nratio = 10\nchunk_mib = 5000")]),
             "a.toml:3: `limits.chunk_mib`: must lie between 1 and 1024, is 5000"
         );
+        let of = |imu| format!("{{begin_s=1,end_s=4,angle_deg=360,imu='{imu}'}}");
+        let apart = Layer::set(&format!("fit.rotations=[{},{}]", of("a"), of("b"))).unwrap();
+        assert!(Config::load(&[apart]).is_ok(), "one span, two IMUs");
         let text = error(&[file("[still]\nenter = 4"), Layer::set("still.leave=3.5").unwrap()]);
         assert!(text.starts_with("--set still.leave=3.5: "), "{text}");
     }

@@ -30,6 +30,7 @@ mod advice;
 mod axes;
 mod change_gate;
 mod config;
+mod declaration;
 mod drift;
 mod event;
 mod fault;
@@ -51,6 +52,7 @@ mod refit;
 mod refusal;
 mod rest_history;
 mod rest_judge;
+mod rotations;
 mod solution;
 mod solve;
 mod status;
@@ -60,6 +62,7 @@ mod turn_verdict;
 mod turning;
 mod unit_probe;
 mod units;
+mod unused_rotations;
 mod warmth;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -79,6 +82,7 @@ use self::reference::Reference;
 pub use self::refit::{Motion, Moved, Refitted, gravity, rest_of};
 use self::rest_history::RestHistory;
 use self::rest_judge::Judge;
+use self::rotations::Rotations;
 use self::solution::Solution;
 use self::turn_verdict::{TurnsTold, View};
 pub use self::unit_probe::UnitProbe;
@@ -109,7 +113,11 @@ pub struct Engine {
     /// Faults already reported.
     reported: BTreeSet<(Sensor, FaultKind)>,
     last_stillness: Option<Stamp>,
+    /// Stamp of the first sample that was judged.
+    first: Option<Stamp>,
     last: Option<(Stamp, u64)>,
+    /// Texts on the declared rotations that are of no use, at the end.
+    unused_rotations: Vec<String>,
     /// Position from the recording.
     fix: Option<Place>,
 }
@@ -132,7 +140,9 @@ impl Engine {
             noise: Noise::default(),
             reported: BTreeSet::new(),
             last_stillness: None,
+            first: None,
             last: None,
+            unused_rotations: Vec::new(),
             fix: None,
             config,
         }
@@ -157,6 +167,7 @@ impl Engine {
         if let Some((since, until)) = self.segmenter.open_rest() {
             self.turns.at_rest(since, until);
         }
+        self.first.get_or_insert(sample.stamp);
         self.last = Some((sample.stamp, sample.log_time));
         // A clock that was set back counts as due.
         let due = self.last_stillness.is_none_or(|last| !(0..STILLNESS_PERIOD).contains(&sample.stamp.since(last)));
@@ -222,6 +233,11 @@ impl Engine {
         topic.clone_into(&mut self.config.gyroscope);
     }
 
+    /// Texts on the rotations of the configuration that are of no use, and why, once [finished](Self::finish).
+    pub fn unused_rotations(&self) -> &[String] {
+        &self.unused_rotations
+    }
+
     /// Current state of rest, with the statistic and thresholds behind it.
     pub fn status(&self) -> Status {
         self.segmenter.status()
@@ -281,7 +297,7 @@ impl Engine {
     /// Solves with turns of other recordings, between the stored rests.
     fn solve_with(&mut self, past_turns: &[TurnSeen]) -> Solution {
         let gyro_range = self.gyro_range();
-        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, .. } = self;
+        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, first, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         // The step follows from the stream; if it never rests on neighbouring values, from the datasheet.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
@@ -289,8 +305,9 @@ impl Engine {
         let accel_unit = config.accel_unit.unwrap_or_default();
         let judge =
             Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value, accel_unit };
-        let givens =
-            Givens { gravity, step, kept: gate.shape(), reference: reference.as_ref(), turns, past_turns, gyro_range };
+        let (kept, reference) = (gate.shape(), reference.as_ref());
+        let rotations = Rotations { declared: &config.fit.rotations, first: first.unwrap_or_default() };
+        let givens = Givens { gravity, step, kept, reference, turns, past_turns, rotations, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
         if let Some(warmth) = temperature::learn(history.entries(), &solution, &judge, &givens, config) {
             let solve = |entries: &mut [_]| solve::solve(entries, &judge, config, &givens);
@@ -338,9 +355,13 @@ impl Engine {
         let noise = observations::gyroscope_noise(&self.segmenter);
         let (entries, range) = (self.history.entries(), self.gyro_range());
         let whole_turns = self.config.fit.whole_turns;
-        let view = View { turns: &self.turns, entries, solution, noise, range, whole_turns };
+        let rotations = Rotations { declared: &self.config.fit.rotations, first: self.first.unwrap_or_default() };
+        let view = View { turns: &self.turns, entries, solution, noise, range, whole_turns, rotations };
         let turns = self.turns_told.news(&header, &view);
         events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
+        if at_end {
+            self.unused_rotations = view.unused_rotations();
+        }
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));
         let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries(), &self.fixture));
@@ -363,6 +384,7 @@ impl Engine {
                 events.push(self.log(stamp, log_time, Level::Warning, text));
             }
         }
+        rejected.extend(self.unused_rotations.iter().cloned());
         for text in rejected {
             events.push(self.log(stamp, log_time, Level::Warning, text));
         }

@@ -43,7 +43,7 @@ mod worst_case;
 
 pub use bound::{Bound, Bounds};
 pub use calibration::Calibration;
-pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refit, Solid};
+pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refit, RotationConfig, Solid};
 pub use error::Error;
 pub use estimate::{Estimate, Origin};
 pub use fixture::{Face, Fixture};

@@ -5,6 +5,7 @@
 //! of the Magnus expansion (1954), so that every candidate can be tried on the turns of a whole recording without its
 //! samples.
 
+mod declared;
 mod evidence;
 mod history;
 mod leg;
@@ -16,6 +17,7 @@ mod rotation;
 mod timebase;
 mod whole_turn;
 
+pub use declared::{Contradiction, contradiction};
 pub use evidence::{Explanation, SeenTurn, angle_between, explain};
 pub use history::{History, Passage};
 pub use leg::{Leg, Turn, Unusable};

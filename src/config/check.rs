@@ -146,6 +146,7 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     positive("fit.max_tilt_deg", fit.max_tilt_deg)?;
     not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;
     positive("fit.half_life_s", fit.half_life_s.unwrap_or(1.0))?;
+    rotations(&fit.rotations)?;
     fixture(&fit.fixture)?;
     for (name, bound) in fit.bounds.named() {
         (0..3).try_for_each(|axis| bounds(&format!("fit.bounds.{name}"), bound.of(axis)))?;
@@ -178,6 +179,35 @@ fn fixture(fixture: &fit::FixtureConfig) -> Result<(), Fault> {
         }
         if face.up.iter().any(|part| !part.is_finite()) || face.up == [0.0; 3] {
             return fault(&format!("{key}.up"), "must be a direction, not zero");
+        }
+    }
+    Ok(())
+}
+
+fn rotations(rotations: &[fit::RotationConfig]) -> Result<(), Fault> {
+    /// Most degrees of a rotation: a hundred turns.
+    const MOST: f64 = 36_000.0;
+    for (i, rotation) in rotations.iter().enumerate() {
+        let key = |name: &str| format!("fit.rotations.{i}.{name}");
+        let &fit::RotationConfig { begin_s, end_s, angle_deg, .. } = rotation;
+        if !(begin_s.is_finite() && begin_s >= 0.0) {
+            return fault(&key("begin_s"), format!("must not be negative, is {begin_s}"));
+        }
+        if !(end_s.is_finite() && end_s > begin_s) {
+            return fault(&key("end_s"), format!("must come after `begin_s` ({begin_s}), is {end_s}"));
+        }
+        if !(-MOST..=MOST).contains(&angle_deg) || angle_deg == 0.0 {
+            return fault(
+                &key("angle_deg"),
+                format!("must be an angle up to {MOST} degrees, not zero, is {angle_deg}"),
+            );
+        }
+        let of_another =
+            |other: &fit::RotationConfig| other.imu.is_some() && rotation.imu.is_some() && other.imu != rotation.imu;
+        let meets =
+            |other: &fit::RotationConfig| other.begin_s <= end_s && begin_s <= other.end_s && !of_another(other);
+        if let Some(other) = rotations.iter().take(i).position(meets) {
+            return fault(&key("begin_s"), format!("the span overlaps that of `fit.rotations.{other}`"));
         }
     }
     Ok(())

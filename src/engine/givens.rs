@@ -1,6 +1,7 @@
 //! Inputs of a solution beside the rests.
 
 use super::reference::Reference;
+use super::rotations::Rotations;
 use crate::fit::turn_fit::TurnSeen;
 use crate::fit::{Gravity, Parameterisation};
 use crate::turns::History;
@@ -16,6 +17,8 @@ pub(super) struct Givens<'a> {
     pub(super) turns: &'a History,
     /// Turns of other recordings, between entries of the history of rests.
     pub(super) past_turns: &'a [TurnSeen],
+    /// Rotations that are declared by their times.
+    pub(super) rotations: Rotations<'a>,
     /// Range of the gyroscope by its datasheet, rad/s.
     pub(super) gyro_range: Option<f64>,
 }

@@ -22,6 +22,9 @@ pub struct PastTurn {
     pub path: f64,
     /// Variance of its angle about an axis from motion faster than the samples, rad².
     pub roughness: f64,
+    /// Rotation about the vertical that it was declared to be, counterclockwise seen from above, rad.
+    #[serde(default)]
+    pub declared: Option<f64>,
 }
 
 /// Turn of a message; `None` if the gyroscope did not follow it whole, or its values are no integrals of rates. Whether
@@ -60,5 +63,6 @@ pub fn turn_of(turn: &messages::Turn) -> Option<PastTurn> {
     let sound = start < end
         && (0.0..=LASTING).contains(&seconds)
         && [path, roughness].iter().all(|value| (0.0..=LARGEST).contains(value));
-    sound.then_some(PastTurn { start, end, pieces, seconds, path, roughness })
+    let declared = turn.declared.filter(|declared| declared.abs() <= LARGEST);
+    sound.then_some(PastTurn { start, end, pieces, seconds, path, roughness, declared })
 }

@@ -1,19 +1,21 @@
 //! Verdict on each turn between two rests, as it is published.
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::declaration::Declaration;
 use super::observations;
 use super::publication::vector;
 use super::rest_history::JudgedRest;
+use super::rotations::Rotations;
 use super::solution::Solution;
 use crate::Stamp;
 use crate::fit::Calibration;
 use crate::messages::{self, turn::Reason};
-use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict, whole_turn};
+use crate::still::Rest;
+use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict};
 
 /// Verdict on a turn, identified by the rests at its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,29 +66,39 @@ pub(super) struct View<'a> {
     pub(super) range: Option<f64>,
     /// Whether whole turns of a table are declared to be such.
     pub(super) whole_turns: bool,
+    /// Rotations that are declared by their times.
+    pub(super) rotations: Rotations<'a>,
 }
 
 impl<'a> View<'a> {
     /// Verdicts on the turns between neighbouring rests, and between neighbouring accepted ones.
-    fn verdicts(&self) -> BTreeMap<Stamp, (Turn<'a>, TurnVerdict)> {
+    pub(super) fn verdicts(&self) -> BTreeMap<Stamp, (Turn<'a>, TurnVerdict)> {
         let mut verdicts = BTreeMap::new();
         for turn in self.turns.turns(|_| true) {
             let explanation = "a rest at one of its ends was not accepted".to_owned();
             let unrest = TurnVerdict { to: turn.to, used: false, reason: Reason::Unrest, explanation };
             verdicts.insert(turn.from, (turn, unrest));
         }
-        let believed: Vec<Stamp> =
-            self.entries.iter().filter(|entry| self.tells(entry)).map(|e| e.rest.start).collect();
         let mut place = 0;
-        for turn in self.turns.turns(|start| believed.binary_search(&start).is_ok()) {
+        for turn in self.believed() {
             let verdict = self.verdict(&turn, &mut place);
             verdicts.insert(turn.from, (turn, verdict));
         }
         verdicts
     }
 
-    fn tells(&self, entry: &JudgedRest) -> bool {
-        observations::tells_of_rates(entry, self.noise)
+    /// Rotation that a turn is declared to be by its time, rad.
+    fn by_time(&self, turn: &Turn<'_>) -> Option<f64> {
+        // All turns are gone through only where one is meant: there are messages of thousands.
+        let is_meant = self.rotations.declared.iter().any(|rotation| self.rotations.means(rotation, turn));
+        is_meant.then(|| self.rotations.of(turn, &self.believed()))?
+    }
+
+    /// Turns between neighbouring accepted rests.
+    fn believed(&self) -> Vec<Turn<'a>> {
+        let tells = |entry: &&JudgedRest| observations::tells_of_rates(entry, self.noise);
+        let believed: Vec<Stamp> = self.entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
+        self.turns.turns(|start| believed.binary_search(&start).is_ok())
     }
 
     /// Verdict on a turn between accepted rests; `place` counts those that were fitted.
@@ -125,32 +137,19 @@ impl<'a> View<'a> {
     }
 
     fn message(&self, header: messages::Header, turn: &Turn<'_>, verdict: &TurnVerdict) -> messages::Turn {
-        let rest = |start: Stamp| self.entries.iter().find(|entry| entry.rest.start == start).map(|entry| &entry.rest);
-        let (before, after) = (rest(turn.from), rest(turn.to));
-        let accelerometer = match &self.solution.accelerometer {
-            Ok(fit) => fit.calibration(),
-            Err(_) => self.solution.guessed,
-        };
         let gyroscope = self.solution.gyroscope.as_ref().map(|fit| fit.calibration());
         let pieces = turn.pieces();
-        let followed = before.zip(after).map(|(before, after)| {
-            let warmth = |rest: &crate::still::Rest| {
-                let warmth = self.solution.warmth.as_ref();
-                warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature))
-            };
-            let force = [before, after].map(|rest| rest.accelerometer.mean - warmth(rest));
-            let up = force.map(|force| up(&accelerometer, &force));
-            let rate = |rest: &crate::still::Rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean);
-            let ends = Ends { up, rate: [rate(before), rate(after)], by_up: Matrix3::zeros() };
-            (follow(&pieces, gyroscope.as_ref(), &ends), whole_turn(&pieces, &ends))
-        });
         let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
-        let (followed, on_table) = followed.filter(|_| whole).unzip();
-        let counts = verdict.reason != Reason::Unrest;
-        let on_table: Option<f64> = on_table.flatten().filter(|_| counts);
-        let declared = on_table.filter(|_| self.whole_turns);
+        let ends = self.ends(turn).filter(|_| whole);
+        let followed = ends.as_ref().map(|ends| follow(&pieces, gyroscope.as_ref(), ends));
+        let declaration = match ends.filter(|_| verdict.reason != Reason::Unrest) {
+            Some(ends) => Declaration::of(&pieces, &ends, self.by_time(turn), self.whole_turns),
+            None => Declaration::Nothing,
+        };
+        let declared = declaration.angle();
         let (start, end) = turn.span();
         let motion = followed.as_ref().map(|(motion, _)| motion);
+        let placement = |start| self.rest(start).map_or(0, |rest| rest.placement);
         let judged = !matches!(verdict.reason, Reason::Unrest | Reason::Unreferenced);
         messages::Turn {
             header: Some(header),
@@ -160,35 +159,44 @@ impl<'a> View<'a> {
             residual: followed.as_ref().filter(|_| judged).map(|(_, residual)| *residual),
             used: verdict.used,
             reason: verdict.reason.into(),
-            explanation: match (on_table.filter(|_| declared.is_none()), motion) {
-                (Some(turned), Some(motion)) => hint(&verdict.explanation, turned, motion.vertical),
-                _ => verdict.explanation.clone(),
-            },
+            explanation: declaration.explain(
+                &verdict.explanation,
+                motion.map_or(0.0, |motion| motion.vertical),
+                self.rotations.times(turn),
+            ),
             axis: motion.map(|motion| vector(&motion.axis)),
             path: turn.path(),
             vertical: motion.map(|motion| motion.vertical),
             declared,
             declared_residual: declared.zip(motion).map(|(declared, motion)| motion.vertical - declared),
-            before: before.map_or(0, |rest| rest.placement),
-            after: after.map_or(0, |rest| rest.placement),
+            before: placement(turn.from),
+            after: placement(turn.to),
             seconds: turn.seconds(),
             roughness: turn.roughness(),
             integrals: if whole { pieces.iter().flat_map(integrals).collect() } else { Vec::new() },
         }
     }
-}
 
-/// Explanation of a turn that may have been whole turns of a table, beside what else there is to say.
-fn hint(explanation: &str, whole: f64, seen: f64) -> String {
-    let turns = match (whole / TAU).abs().round() {
-        1.0 => "one whole turn".to_owned(),
-        turns => format!("{turns} whole turns"),
-    };
-    let seen = seen.to_degrees();
-    let hint = format!(
-        "{seen:.1}° about the vertical; if it was {turns} of a table, fit.whole_turns = true uses it beside turns from face to face"
-    );
-    if explanation.is_empty() { hint } else { format!("{explanation}; {hint}") }
+    /// The rests at the ends of a turn, as the calibration in force, or the guess, sees them.
+    pub(super) fn ends(&self, turn: &Turn<'_>) -> Option<Ends> {
+        let accelerometer = match &self.solution.accelerometer {
+            Ok(fit) => fit.calibration(),
+            Err(_) => self.solution.guessed,
+        };
+        let rests = [self.rest(turn.from)?, self.rest(turn.to)?];
+        let warmth = |rest: &Rest| {
+            let warmth = self.solution.warmth.as_ref();
+            warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature))
+        };
+        let up = rests.map(|rest| up(&accelerometer, &(rest.accelerometer.mean - warmth(rest))));
+        let rate = rests.map(|rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean));
+        Some(Ends { up, rate, by_up: Matrix3::zeros() })
+    }
+
+    /// Rest that starts then.
+    fn rest(&self, start: Stamp) -> Option<&Rest> {
+        self.entries.iter().find(|entry| entry.rest.start == start).map(|entry| &entry.rest)
+    }
 }
 
 /// Direction of specific force, unit vector.

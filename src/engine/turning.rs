@@ -29,9 +29,7 @@ pub(super) fn fit(
     if session.turns.is_empty() && unusable.is_empty() {
         return None;
     }
-    if judge.fit.whole_turns {
-        session.declare_whole_turns(&accelerometer.calibration());
-    }
+    session.declare(&accelerometer.calibration(), judge.fit.whole_turns);
     let scatter = accelerometer.placement_std.first().copied().unwrap_or(judge.fit.placement_std);
     let TurnFit { estimate, bias_courses } = turn_fit::fit(&session, accelerometer, scatter.max(MIN_SCATTER));
     let within = |found: &TurnEstimate| {
@@ -135,7 +133,8 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, T
     let first = told.first().map_or(Stamp::default(), |entry| entry.rest.start);
     let rests = told.iter().filter_map(|entry| seen(entry, first)).collect();
     let (mut turns, mut unusable) = (Vec::new(), Vec::<(Unusable, usize)>::new());
-    for turn in givens.turns.turns(|start| place(start).is_some()) {
+    let between = givens.turns.turns(|start| place(start).is_some());
+    for turn in &between {
         if let Some(why) = turn.unusable(givens.gyro_range) {
             match unusable.iter_mut().find(|(known, _)| *known == why) {
                 Some((_, count)) => *count += 1,
@@ -150,7 +149,7 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, T
             seconds: turn.seconds(),
             path: turn.path(),
             roughness: turn.roughness(),
-            declared: None,
+            declared: givens.rotations.of(turn, &between),
         });
     }
     for turn in givens.past_turns {

@@ -42,6 +42,9 @@ pub struct Config {
     /// Whether each turn between two rests that looks like whole turns of a table was exactly that, ± 0.5°: it shows the
     /// gyroscope's scale about the vertical, as no other turn does.
     pub whole_turns: bool,
+    /// Rotations about the vertical that are known, ± 0.5°.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rotations: Vec<RotationConfig>,
     /// Dependence of the biases on the temperature.
     #[serde(skip_serializing_if = "TemperatureFit::is_auto")]
     pub temperature: TemperatureFit,
@@ -73,6 +76,7 @@ impl Default for Config {
             nonlinearity: 0.0,
             max_error: 0.1,
             whole_turns: false,
+            rotations: Vec::new(),
             temperature: TemperatureFit::Auto,
             loss: Loss::Square,
             refit: Refit::Segment,
@@ -173,6 +177,21 @@ pub struct FaceConfig {
     pub name: String,
     /// Direction that points up while the IMU rests on it, in the axes of the fixture, of any length.
     pub up: [f64; 3],
+}
+
+/// Known rotation about the vertical between two rests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RotationConfig {
+    /// Name of the IMU that turned; unset, each one of the recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imu: Option<String>,
+    /// Time in the rest before it, s since the IMU's first reading, by the stamps of its messages.
+    pub begin_s: f64,
+    /// Time in the rest after it, likewise.
+    pub end_s: f64,
+    /// Rotation, degrees, counterclockwise seen from above, whole turns counted.
+    pub angle_deg: f64,
 }
 
 /// Stage after which the fit of the accelerometer stops.

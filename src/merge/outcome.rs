@@ -140,7 +140,7 @@ impl<'a> Story<'a> {
             let [(from, before), (to, after)] = [place(&rests[0])?, place(&rests[1])?];
             let slower = -(self.faster(then, before) + self.faster(then, after)) / 2.0;
             Some(TurnSeen {
-                declared: None,
+                declared: motion.declared,
                 rests: [from, to],
                 pieces: motion.pieces.iter().map(|piece| piece.without(&slower)).collect(),
                 seconds: motion.seconds,

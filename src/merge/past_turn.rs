@@ -1,6 +1,6 @@
 //! Turn of one sensor in one of any number of recordings, with the rests at its ends.
 //!
-//! The turn that rotated gravity the most stands for a span of time and for the faces of a cube that were up before and
+//! The turn that is declared, or else rotated gravity the most, stands for a span of time and for the faces of a cube that were up before and
 //! after it.
 
 use std::cmp::Ordering;
@@ -44,14 +44,14 @@ impl PastTurn {
 
     /// Every number of the motion.
     fn numbers(&self) -> impl Iterator<Item = f64> {
-        let Motion { pieces, seconds, path, roughness, .. } = &self.motion;
+        let Motion { pieces, seconds, path, roughness, declared, .. } = &self.motion;
         let pieces = pieces.iter().flat_map(|piece| {
             [piece.angle, piece.coning, piece.moment]
                 .into_iter()
                 .flat_map(Into::<[f64; 3]>::into)
                 .chain([piece.seconds])
         });
-        [*path, *seconds, *roughness].into_iter().chain(pieces)
+        [*path, *seconds, *roughness, declared.unwrap_or_default()].into_iter().chain(pieces)
     }
 }
 
@@ -80,10 +80,11 @@ impl Member for PastTurn {
     fn rank(&self, other: &Self) -> Ordering {
         let span = |turn: &Self| (turn.motion.start, turn.motion.end, turn.motion.pieces.len());
         let rests = || self.rests.iter().zip(&other.rests).map(|(mine, theirs)| mine.rank(theirs));
-        // The shorter of two ways shows more.
-        other
-            .cosine()
-            .total_cmp(&self.cosine())
+        // A declared one shows what no other does; of two ways, the shorter shows more.
+        let is_declared = |turn: &Self| turn.motion.declared.is_some();
+        is_declared(self)
+            .cmp(&is_declared(other))
+            .then_with(|| other.cosine().total_cmp(&self.cosine()))
             .then_with(|| other.motion.path.total_cmp(&self.motion.path))
             .then_with(|| span(self).cmp(&span(other)))
             .then_with(|| {

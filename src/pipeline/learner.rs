@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use self::engine_setup::{engine_config, topic_of};
+use self::engine_setup::{engine_config, is_called, topic_of};
 pub(crate) use self::notes::{not_corrected, uncorrected};
 use crate::Stamp;
 use crate::annotate::{Annotator, Corrected, Corrections, is_only_partial};
@@ -280,7 +280,8 @@ impl Learner {
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
         let apart = self.apart().is_some();
-        let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck).collect();
+        let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck);
+        let notes = notes.chain(self.unused_rotations()).collect();
         let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
@@ -291,6 +292,18 @@ impl Learner {
             damages: self.damages,
             annotator: self.annotator,
         }
+    }
+
+    /// Declared rotations that are of no use, one line each.
+    fn unused_rotations(&self) -> Vec<String> {
+        let imus = self.sources.intake.imus();
+        let named = self.config.fit.rotations.iter().filter_map(|rotation| rotation.imu.as_ref());
+        let unknown = named.filter(|name| !imus.iter().any(|imu| is_called(imu, name)));
+        let unknown: BTreeSet<_> = unknown.map(|name| format!("fit.rotations: no IMU is called {name}")).collect();
+        let unused = imus.iter().zip(&self.imus).flat_map(|(imu, learning)| {
+            learning.engine.unused_rotations().iter().map(|text| format!("{}: {text}", imu.name))
+        });
+        unknown.into_iter().chain(unused).collect()
     }
 
     /// Corrections to the times of the readings, one line each.

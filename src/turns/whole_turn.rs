@@ -13,7 +13,7 @@ const MOST: f64 = 10.0;
 /// Largest angle between the poses before and after, rad: a table is level and flat.
 const SAME: f64 = 0.05;
 /// Largest tilt on the way, rad.
-const TILTED: f64 = 0.35;
+pub(super) const TILTED: f64 = 0.35;
 
 /// Rotation about the vertical that a turn was, rad, if it was a whole number of turns on a table; counterclockwise seen
 /// from above.

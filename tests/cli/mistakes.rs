@@ -232,3 +232,31 @@ fn standard_input_that_is_no_calibration_is_refused() {
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8(output.stderr).unwrap().starts_with("error: -: is no calibration"));
 }
+
+#[test]
+fn a_rotation_that_is_declared_wrongly_is_said_and_does_no_harm() {
+    let folder = Folder::with_demo();
+    let plain = folder.say("annotate demo.mcap --json").ok();
+    for (rotation, says) in [
+        (
+            "{begin_s=0,end_s=3000,angle_deg=360}",
+            "warning: /imu/data_raw: fit.rotations declares 360° about the vertical from 0 s to 3000 s, which is not used: it \
+             holds 8 turns with rests between them",
+        ),
+        ("{begin_s=900,end_s=901,angle_deg=360}", "nothing turned between two rests then; nearest is "),
+        ("{begin_s=0,end_s=3000,angle_deg=360,imu='front'}", "warning: fit.rotations: no IMU is called front"),
+    ] {
+        let run = folder.say(&format!("annotate demo.mcap --json --force --set fit.rotations=[{rotation}]")).ok();
+        assert!(run.stderr.contains(says), "{}", run.stderr);
+        assert_eq!(run.json()["imus"], plain.json()["imus"]);
+    }
+    // That of another IMU is none of this one's, which is called by its topic with or without the slash.
+    let named =
+        "annotate demo.mcap --force --set fit.rotations=[{begin_s=900,end_s=901,angle_deg=1,imu='imu/data_raw'}]";
+    assert!(folder.say(named).ok().stderr.contains("nothing turned"));
+    folder.refuses(
+        "annotate demo.mcap --force --set fit.rotations=[{begin_s=5,end_s=4,angle_deg=360}]",
+        2,
+        &["`fit.rotations.0.end_s`: must come after `begin_s` (5), is 4"],
+    );
+}

@@ -68,6 +68,11 @@ impl Hand {
         Vector3::from_fn(|_, _| self.rng.sample::<f64, _>(StandardNormal))
     }
 
+    /// Time since the first reading, s.
+    pub fn seconds(&self) -> f64 {
+        self.now - 1.0
+    }
+
     /// Direction of specific force in the sensor's axes.
     pub fn up(&self) -> Vector3<f64> {
         self.attitude.inverse() * Vector3::z()

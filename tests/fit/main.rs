@@ -20,6 +20,7 @@ mod position;
 mod presets;
 mod recognised;
 mod rests;
+mod rotations;
 mod status;
 mod thesis;
 mod turn_messages;

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use stillpoint::engine::{self, Engine};
+use stillpoint::fit::RotationConfig;
 use stillpoint::imu::Sample;
 use stillpoint::merge::{Member as _, Merge, PastTurn};
 use stillpoint::messages::Triad;
@@ -31,9 +32,14 @@ fn held() -> Held {
 
 /// What an engine finds in a session so many days on.
 fn found(hand: &Hand, day: i64) -> Findings {
+    found_with(hand, day, Vec::new())
+}
+
+fn found_with(hand: &Hand, day: i64, rotations: Vec<RotationConfig>) -> Findings {
     let mut config = engine::Config { accelerometer: "/imu".to_owned(), ..engine::Config::default() };
     config.gyroscope = "/imu".to_owned();
     config.fit.gravity = Some(hand::G);
+    config.fit.rotations = rotations;
     let mut engine = Engine::new(config);
     let mut events = Vec::new();
     for (sensor, sample) in &hand.samples {
@@ -184,4 +190,35 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn rotations_that_recordings_declare_are_used_in_their_merge() {
+    let session = |day: i64, declared: bool| {
+        let mut hand = Hand::new(held(), 20 + day as u64).rest(3.0).through_faces(8);
+        let mut rotations = Vec::new();
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            hand = hand.turn_up(axis, 1.5).rest(3.0);
+            let (begin_s, up) = (hand.seconds() - 1.0, hand.up());
+            hand = hand.turn(up * (2.0 * std::f64::consts::TAU), 8.0).rest(3.0);
+            let end_s = hand.seconds() - 1.0;
+            rotations.push(RotationConfig { imu: None, begin_s, end_s, angle_deg: 720.0 });
+        }
+        rotations.retain(|_| declared);
+        found_with(&hand, day, rotations)
+    };
+    let merged = |declared| {
+        let all: Vec<_> = (0..4).map(|day| session(day, declared)).collect();
+        let merge = joined(&all);
+        let known = merge.sensors["/imu"].turns().iter().filter(|turn| turn.motion.declared.is_some()).count();
+        let gyroscope = triads(&only(&merge).findings)[1].clone();
+        assert_eq!(gyroscope.model(), Model::Turns, "{:?}", gyroscope.notes);
+        let scores = scores(&gyroscope, &held().gyro_sensitivity);
+        assert!(scores.iter().all(|score| score.abs() < 4.5), "{scores:?}");
+        (known, gyroscope)
+    };
+    let ((known, with), (unknown, without)) = (merged(true), merged(false));
+    assert_eq!((known, unknown), (12, 0));
+    assert_ne!(with.sensitivity, without.sensitivity);
+    assert!([0, 4, 8].iter().all(|&k| with.sensitivity_std[k] <= 1.05 * without.sensitivity_std[k]), "{with:?}");
 }

@@ -14,6 +14,7 @@ mod folders;
 mod following;
 mod killed;
 mod recorder;
+mod rotations;
 mod splits;
 mod temperature;
 mod troubles;

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::calibration::Calibration;
-use crate::turns::{Ends, Piece, whole_turn};
+use crate::turns::{Ends, Piece, contradiction, whole_turn};
 
 /// Readings of the sensors at a rest.
 #[derive(Clone, Debug)]
@@ -51,13 +51,19 @@ pub struct TurnSession {
 }
 
 impl TurnSession {
-    /// Declares the turns that look like whole turns of a table to be such.
-    pub fn declare_whole_turns(&mut self, accelerometer: &Calibration) {
+    /// Drops declarations that contradict their turns, and with `whole_turns` declares those of the other turns to be such
+    /// that look like whole turns of a table.
+    pub fn declare(&mut self, accelerometer: &Calibration, whole_turns: bool) {
         for at in 0..self.turns.len() {
             let turn = &self.turns[at];
             let rate = turn.rests.map(|rest| self.rests.get(rest).map_or(Vector3::zeros(), |rest| rest.rate));
             let ends = Ends { up: self.ups(turn, accelerometer), rate, by_up: Matrix3::zeros() };
-            self.turns[at].declared = whole_turn(&turn.pieces, &ends);
+            let declared = match turn.declared {
+                Some(angle) => Some(angle).filter(|angle| contradiction(&turn.pieces, &ends, *angle).is_none()),
+                None if whole_turns => whole_turn(&turn.pieces, &ends),
+                None => None,
+            };
+            self.turns[at].declared = declared;
         }
     }
 

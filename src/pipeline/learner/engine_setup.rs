@@ -9,6 +9,11 @@ pub(super) fn topic_of(imu: &Imu, sensor: Sensor) -> &str {
     imu.triads.iter().find(|triad| triad.sensor == sensor).map_or("", |triad| &triad.topic)
 }
 
+/// Whether an IMU's output name is this one, with a leading slash or without.
+pub(super) fn is_called(imu: &Imu, name: &str) -> bool {
+    imu.name.trim_start_matches('/') == name.trim_start_matches('/')
+}
+
 pub(super) fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
     let topic = |sensor| topic_of(imu, sensor).to_owned();
     let mut secondary = Vec::new();
@@ -25,6 +30,8 @@ pub(super) fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
             }
         }
     }
+    let mut fit = config.fit.clone();
+    fit.rotations.retain(|rotation| rotation.imu.as_ref().is_none_or(|name| is_called(imu, name)));
     let preset = imu.triads.iter().find(|t| t.sensor == Sensor::Accelerometer).and_then(|triad| triad.preset);
     let config = engine::Config {
         name: imu.name.clone(),
@@ -37,7 +44,7 @@ pub(super) fn engine_config(imu: &Imu, config: &Config) -> engine::Config {
         gyro_unit: imu.gyro_unit,
         reference: imu.reference,
         still: config.still.clone(),
-        fit: config.fit.clone(),
+        fit,
     };
     match preset {
         Some(preset) => config.of(preset),
