@@ -193,6 +193,14 @@ fn finish(partial: Partial, force: bool) -> Result<(), Error> {
     }
 }
 
+/// Makes a folder to write into, with those above it.
+fn make_folder(path: &Path) -> Result<(), Error> {
+    match std::fs::create_dir_all(path) {
+        Err(_) if path.is_file() => Err(Error::input(path, "is a file; name a folder to write into")),
+        made => made.map_err(Error::io("make the folder", path)),
+    }
+}
+
 /// Text of a file or of standard input; any other path is refused.
 fn text_of(path: &Path) -> Result<String, Error> {
     if is_pipe(path) {

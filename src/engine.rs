@@ -29,6 +29,7 @@
 mod advice;
 mod axes;
 mod change_gate;
+mod clock_drift;
 mod config;
 mod declaration;
 mod drift;
@@ -37,6 +38,7 @@ mod fault;
 mod fault_detection;
 mod givens;
 mod guidance;
+mod gyroscope_faults;
 mod model_trial;
 mod next_step;
 mod noise;
@@ -50,6 +52,7 @@ mod publication;
 mod reference;
 mod refit;
 mod refusal;
+mod replay;
 mod rest_history;
 mod rest_judge;
 mod rotations;
@@ -71,6 +74,7 @@ use serde::{Deserialize, Serialize};
 
 use self::axes::Stood;
 use self::change_gate::ChangeGate;
+use self::clock_drift::ClockDrift;
 pub use self::config::{Config, Secondary};
 pub use self::event::{Event, Message};
 use self::fault::{Fault, FaultKind};
@@ -115,6 +119,7 @@ pub struct Engine {
     last_stillness: Option<Stamp>,
     /// Stamp of the first sample that was judged.
     first: Option<Stamp>,
+    clock: ClockDrift,
     last: Option<(Stamp, u64)>,
     /// Texts on the declared rotations that are of no use, at the end.
     unused_rotations: Vec<String>,
@@ -141,6 +146,7 @@ impl Engine {
             reported: BTreeSet::new(),
             last_stillness: None,
             first: None,
+            clock: ClockDrift::default(),
             last: None,
             unused_rotations: Vec::new(),
             fix: None,
@@ -168,6 +174,7 @@ impl Engine {
             self.turns.at_rest(since, until);
         }
         self.first.get_or_insert(sample.stamp);
+        self.clock.push(sample.stamp, sample.log_time);
         self.last = Some((sample.stamp, sample.log_time));
         // A clock that was set back counts as due.
         let due = self.last_stillness.is_none_or(|last| !(0..STILLNESS_PERIOD).contains(&sample.stamp.since(last)));
@@ -297,7 +304,7 @@ impl Engine {
     /// Solves with turns of other recordings, between the stored rests.
     fn solve_with(&mut self, past_turns: &[TurnSeen]) -> Solution {
         let gyro_range = self.gyro_range();
-        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, first, .. } = self;
+        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, first, clock, .. } = self;
         let gravity = solve::gravity(&config.fit, *fix);
         // The step follows from the stream; if it never rests on neighbouring values, from the datasheet.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
@@ -326,6 +333,8 @@ impl Engine {
         let force = probe.as_ref().and_then(|probe| probe.force(accel_unit.factor()));
         let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
         solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
+        solution.faults.extend(replay::detect(history.entries()));
+        solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &solution));
         fault_detection::veto(&mut solution);
         solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution

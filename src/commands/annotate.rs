@@ -14,7 +14,7 @@ use super::manifest::Manifest;
 use super::progress::Progress;
 use super::shard::Shard;
 use super::text::Look;
-use super::{Code, configuration, import, listing, name, print_json, reads, summary};
+use super::{Code, configuration, import, listing, make_folder, name, print_json, reads, summary};
 use crate::cli;
 use crate::console::COMPOSED;
 
@@ -225,7 +225,7 @@ impl Work<'_> {
             }
         };
         if let Some(folder) = args.out_dir.as_ref().filter(|folder| !run::is_url(folder)) {
-            std::fs::create_dir_all(folder).map_err(Error::io("write", folder))?;
+            make_folder(folder)?;
         }
         let progress = Progress::new(&input, stop);
         let form = match (args.in_place, is_sidecar(args, self.input())) {

@@ -92,7 +92,8 @@ fn people(merged: &Merged, look: Look) -> String {
     }
     lines.push(summary::imu(&merged.findings, None, look));
     let course = merged.history.course();
-    for (line, name) in course.notes.iter().zip(["  merged   ", "  drift    ", "  drift    "]) {
+    let names = std::iter::once("  merged   ").chain(std::iter::repeat("  note     "));
+    for (line, name) in course.notes.iter().zip(names) {
         lines.extend(look.sentence(name, line));
     }
     for jump in &course.jumps {
@@ -109,7 +110,7 @@ fn page(merged: &[Merged], inputs: usize, config: &Config) -> String {
     let timeline =
         |merged: &Merged| Timeline { course: Some(merged.history.course()), ..Timeline::new(merged.findings.clone()) };
     let timelines: Vec<_> = merged.iter().map(timeline).collect();
-    let recording = format!("{inputs} recordings");
+    let recording = format!("{inputs} recording{}", if inputs == 1 { "" } else { "s" });
     Page { recording: &recording, timelines: &timelines, notes: &[], settings: &config.canonical(), earlier: None }
         .html()
 }

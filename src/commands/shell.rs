@@ -6,7 +6,7 @@ use clap::CommandFactory as _;
 use stillpoint::Error;
 use stillpoint::run::{Partial, Reads};
 
-use super::{Code, print};
+use super::{Code, make_folder, print};
 use crate::cli::{Cli, Completions, Man};
 
 /// Prints the completions of a shell.
@@ -19,7 +19,7 @@ pub fn completions(args: &Completions) -> Result<Code, Error> {
 
 /// Writes one page for the program and one for each verb.
 pub fn man(args: &Man) -> Result<Code, Error> {
-    std::fs::create_dir_all(&args.dir).map_err(Error::io("create", &args.dir))?;
+    make_folder(&args.dir)?;
     let mut program = Cli::command().disable_help_subcommand(true);
     program.build();
     pages(program, &args.dir)?;

@@ -38,6 +38,14 @@ pub(super) enum FaultKind {
     BeyondRange,
     /// First rest of −g on z.
     Inverted,
+    /// Rates of exactly zero at rest.
+    Silenced,
+    /// Bias that changes steadily.
+    Drifting,
+    /// Stamps of a clock that runs fast or slow.
+    Clock,
+    /// Rests that were recorded twice.
+    Replayed,
 }
 
 impl Fault {
@@ -52,8 +60,14 @@ impl Fault {
             | FaultKind::Dead
             | FaultKind::Alternating
             | FaultKind::Stretched
-            | FaultKind::BeyondRange => true,
-            FaultKind::Disagreeing | FaultKind::Repeated | FaultKind::Inverted => false,
+            | FaultKind::BeyondRange
+            | FaultKind::Silenced => true,
+            FaultKind::Disagreeing
+            | FaultKind::Repeated
+            | FaultKind::Inverted
+            | FaultKind::Drifting
+            | FaultKind::Clock
+            | FaultKind::Replayed => false,
         }
     }
 }

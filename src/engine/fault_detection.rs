@@ -26,9 +26,11 @@ pub(super) fn detect(
     let accelerometer = segmenter.signal(Sensor::Accelerometer);
     let gyroscope = segmenter.signal(Sensor::Gyroscope);
     let both = [(Sensor::Accelerometer, accelerometer), (Sensor::Gyroscope, gyroscope)];
+    // Where readings of one triad are of several sensors, those of the other are, too.
+    let sensors = both.iter().filter_map(|(_, signal)| signal.map(|signal| signal.sensors)).max().unwrap_or(1);
     let alternating = both.into_iter().filter_map(|(sensor, signal)| {
-        let sensors = signal?.sensors;
-        (sensors > 1).then(|| Fault { sensor, kind: FaultKind::Alternating, text: alternating_text(sensors) })
+        signal.filter(|_| sensors > 1)?;
+        Some(Fault { sensor, kind: FaultKind::Alternating, text: alternating_text(sensors) })
     });
     let repeated = both.into_iter().filter_map(|(sensor, signal)| {
         let text = repeated_text(repeated_share(&signal?)?);
@@ -152,7 +154,7 @@ fn relaxing_rates(entries: &[JudgedRest], noise: f64) -> Option<(f64, f64)> {
 fn alternating_text(sensors: usize) -> String {
     let count = ["two", "three", "four"].get(sensors.saturating_sub(2)).copied().unwrap_or("several");
     format!(
-        "each reading is far from the one before and near the one {sensors} before: {count} sensors take turns on one topic, \
+        "readings are far from the one before and near the one {sensors} before: {count} sensors take turns on one topic, \
          and what is learned is of none of them. Record each on a topic, or under a frame_id, of its own"
     )
 }

@@ -149,6 +149,15 @@ pub(super) fn is_coarse(entries: &[JudgedRest], step: f64) -> bool {
     used.map(|entry| rounding(&entry.rest.accelerometer, Some(step))).any(|variance| variance.max() > 0.0)
 }
 
+/// Error of the gyroscope's bias from rounding to a step, per axis, rad/s: half a step if the noise is too small to average
+/// it out. It is the same at every rest.
+pub(super) fn rate_rounding(entries: &[JudgedRest], step: f64) -> Vector3<f64> {
+    let means = entries.iter().filter(|entry| entry.verdict.is_at_rest()).filter_map(|e| e.rest.gyroscope.as_ref());
+    let off =
+        means.map(|mean| rounding(mean, Some(step)).map(|variance| if variance > 0.0 { step / 2.0 } else { 0.0 }));
+    off.fold(Vector3::zeros(), |most, off| most.sup(&off))
+}
+
 /// Variance of a mean from rounding to a step, per axis: that of a uniform error if the noise is too small to average
 /// it out (below half a step), else none.
 fn rounding(mean: &TriadMean, step: Option<f64>) -> Vector3<f64> {

@@ -17,10 +17,10 @@ use super::rest_judge::{Judge, Poses};
 use super::solution::{Missing, Solution};
 use super::turning;
 use crate::fit::{
-    self, Calibration, Check, Estimate, Fixture, Gravity, Model, Parameterisation, Place, Reading, Source, directions,
-    guess, gyroscope, secondary,
+    self, Calibration, Check, Estimate, Fixture, Gravity, Model, Parameterisation, Place, Reading, Source, Term,
+    directions, guess, gyroscope, secondary,
 };
-use crate::imu::SecondaryModel;
+use crate::imu::{SecondaryModel, Sensor};
 use crate::messages::segment::Reason;
 use crate::turns::Explanation;
 
@@ -201,6 +201,8 @@ fn others(
                 if !gyro_posed && fit.shape == Parameterisation::BIAS {
                     doubt_vertical(&mut fit, &vertical);
                 }
+                let step = judge.segmenter.signal(Sensor::Gyroscope).and_then(|signal| signal.step);
+                doubt_rounding(&mut fit, &observations::rate_rounding(entries, step.unwrap_or(0.0)));
                 fit
             }),
         gyro_at_rest: None,
@@ -270,6 +272,14 @@ fn doubt_vertical(fit: &mut Estimate, rates: &[Reading]) {
     let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) else { return };
     let turn = up * about_vertical(reading);
     fit.widen(&DVector::from_iterator(3, turn.iter().copied()));
+}
+
+/// Widens the bias of a gyroscope by the error of rounding on each axis, rad/s.
+fn doubt_rounding(fit: &mut Estimate, error: &Vector3<f64>) {
+    for (axis, error) in error.iter().enumerate().filter(|(_, error)| **error > 0.0) {
+        let moved = fit.shape.terms().iter().map(|term| if *term == Term::Bias(axis) { *error } else { 0.0 });
+        fit.widen(&DVector::from_iterator(fit.shape.unknowns(), moved));
+    }
 }
 
 /// Rate about the vertical, rad/s.

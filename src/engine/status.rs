@@ -1,7 +1,9 @@
 //! Status of each triad: confirmed only if any one wrong placement would show, and none does.
 
+use super::fault::FaultKind;
 use super::solution::Solution;
 use crate::fit::{Estimate, Parameterisation};
+use crate::imu::Sensor;
 use crate::messages::triad::Status;
 
 /// Reason why an estimate is not confirmed.
@@ -25,12 +27,15 @@ pub(super) enum Unconfirmed {
     Turning,
     /// Gyroscope whose unit is not confirmed.
     Unit,
+    /// Gyroscope whose rates do not explain how gravity turned, or only with other axes.
+    Contradicted,
 }
 
 /// Confirms the primary accelerometer, or returns the reason why not.
 pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     let Ok(fit) = &solution.accelerometer else { return Err(Unconfirmed::Undetermined) };
-    if !solution.doubts.is_empty() {
+    let is_replayed = solution.faults.iter().any(|fault| fault.kind == FaultKind::Replayed);
+    if !solution.doubts.is_empty() || is_replayed {
         return Err(Unconfirmed::Doubted);
     }
     if solution.drift.as_ref().is_some_and(|drift| !drift.followed) {
@@ -55,6 +60,18 @@ pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Uncon
     let beside_reference = fit.shape == Parameterisation::FULL_GYROSCOPE;
     if !beside_reference && (solution.gyro_placements < FEW || solution.gyro_turned > 0 || !solution.gyro_posed) {
         return Err(Unconfirmed::Turning);
+    }
+    let of_it = |kind| solution.faults.iter().any(|fault| fault.sensor == Sensor::Gyroscope && fault.kind == kind);
+    if of_it(FaultKind::Replayed) {
+        return Err(Unconfirmed::Doubted);
+    }
+    if of_it(FaultKind::Disagreeing) || of_it(FaultKind::Flipped) {
+        return Err(Unconfirmed::Contradicted);
+    }
+    // A bias alone does not depend on the clock.
+    let has_scale = solution.gyroscope.as_ref().is_some_and(|published| published.shape != Parameterisation::BIAS);
+    if of_it(FaultKind::Drifting) || of_it(FaultKind::Clock) && has_scale {
+        return Err(Unconfirmed::Drifting);
     }
     if !beside_reference && !solution.unit_confirmed {
         return Err(Unconfirmed::Unit);

@@ -85,8 +85,8 @@ pub(super) fn rate_unit(per_radian: f64, unit: RateUnit) -> Option<RateUnit> {
 /// Text on a gravity that is not in m/s², although converted as such.
 pub(super) fn not_metres(gravity: f64, scale: ForceScale) -> String {
     let what = match scale {
-        ForceScale::Metres => "it is in m/s²: set accel = { unit = \"m/s^2\" }".to_owned(),
-        ForceScale::Gravities => "it is in g: set accel = { unit = \"g\" }".to_owned(),
+        ForceScale::Metres => "it is in m/s²: set accel = { unit = \"m/s^2\" } in its [[imu]]".to_owned(),
+        ForceScale::Gravities => "it is in g: set accel = { unit = \"g\" } in its [[imu]]".to_owned(),
         ForceScale::Thousandths => "it is in mg or cm/s², which no setting converts: record it in m/s² or g".to_owned(),
         ForceScale::Millimetres => "it is in mm/s², which no setting converts: record it in m/s² or g".to_owned(),
         ForceScale::Counts(a_g) => format!(
@@ -137,8 +137,8 @@ fn other_unit(recorded: f64, or: Option<f64>) -> String {
     };
     let or = or.map(|or| format!(", or {}", called(or))).unwrap_or_default();
     let remedy = match RateScale::near(recorded) {
-        RateScale::Radians => ": set gyro = { unit = \"rad/s\" }",
-        RateScale::Degrees => ": set gyro = { unit = \"deg/s\" }",
+        RateScale::Radians => ": set gyro = { unit = \"rad/s\" } in its [[imu]]",
+        RateScale::Degrees => ": set gyro = { unit = \"deg/s\" } in its [[imu]]",
         _ => ", which no setting converts: record them in rad/s or deg/s",
     };
     format!("between rests gravity turned as if the rates were {}{or}{remedy}", called(recorded))
@@ -201,7 +201,7 @@ pub fn unconfirmed_unit(unit: RateUnit) -> String {
     };
     format!(
         "its unit, {unit}, is unconfirmed: gravity did not turn between two rests while the gyroscope could be followed. Turn \
-         it over between two rests, or set gyro = {{ unit = \"{unit}\" }} if you know it"
+         it over between two rests, or set gyro = {{ unit = \"{unit}\" }} in its [[imu]] if you know it"
     )
 }
 

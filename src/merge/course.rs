@@ -1,6 +1,7 @@
 //! History of a sensor in words and curves, for people.
 
 use super::history::{Change, ChangeKind, History, Point};
+use crate::plural::counted;
 use crate::report::{Course, Curve, Jump, estimate};
 
 impl History {
@@ -23,13 +24,25 @@ impl History {
 
     fn notes(&self) -> Vec<String> {
         let thinned = if self.is_thinned { ", of more the ones that stand for them" } else { "" };
-        let turns = if self.turns > 0 { format!(", with {} turns between them", self.turns) } else { String::new() };
-        let merged = format!("{} rests of {} recordings{turns}{thinned}", self.rests, self.recordings);
+        let number = |count: usize, noun| counted(count as u64, noun);
+        let turns = match self.turns {
+            0 => String::new(),
+            turns => format!(", with {} between them", number(turns, "turn")),
+        };
+        let recordings = number(self.recordings, "recording");
+        let merged = format!("{} of {recordings}{turns}{thinned}", number(self.rests, "rest"));
         let drifting = self.drifts.into_iter().zip(["accelerometer", "gyroscope"]).filter(|(drifts, _)| *drifts);
         let drifts = drifting.map(|(_, what)| {
             format!("the {what} drifts from recording to recording: the numbers are those of the end")
         });
-        std::iter::once(merged).chain(drifts).collect()
+        let overlapping = (self.overlapping > 0).then(|| {
+            let rests = number(self.overlapping, "rest");
+            format!(
+                "{rests} began before another had ended, as one sensor cannot: these are several sensors, which --by tells apart \
+                 (folder, frame-id, serial), or clocks that began anew. No number here is of one sensor"
+            )
+        });
+        std::iter::once(merged).chain(overlapping).chain(drifts).collect()
     }
 }
 

@@ -10,6 +10,8 @@ pub struct History {
     pub recordings: usize,
     /// Number of rests used.
     pub rests: usize,
+    /// Rests that began before another had ended, which one sensor cannot do.
+    pub overlapping: usize,
     /// Number of turns used, of which each lies between two of the rests.
     pub turns: usize,
     /// Whether some of the rests or turns stand for others that had no room.

@@ -23,6 +23,7 @@ fn history(history: &History) -> Value {
     json!({
         "recordings": history.recordings,
         "rests": history.rests,
+        "overlapping": history.overlapping,
         "turns": history.turns,
         "thinned": history.is_thinned,
         "drifts": {"accelerometer": history.drifts[0], "gyroscope": history.drifts[1]},

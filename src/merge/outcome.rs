@@ -77,6 +77,7 @@ impl<'a> Story<'a> {
         let history = History {
             recordings: self.rests.iter().map(|rest| rest.recording).collect::<BTreeSet<_>>().len(),
             rests: self.rests.len(),
+            overlapping: self.overlapping(),
             turns: self.evidence.turns.len(),
             is_thinned: self.evidence.rests.is_thinned() || self.evidence.turns.is_thinned(),
             epochs,
@@ -85,6 +86,19 @@ impl<'a> Story<'a> {
             drifts: [self.accelerometer.drifts, self.gyroscope.drifts],
         };
         Merged { key: key.to_owned(), findings, history }
+    }
+
+    /// Number of rests that began before another had ended.
+    fn overlapping(&self) -> usize {
+        let mut rests: Vec<_> = self.rests.iter().map(|past| (past.rest.start, past.rest.end)).collect();
+        rests.sort_unstable();
+        let mut ended = None;
+        let begins_early = |&(start, end): &(Stamp, Stamp)| {
+            let early = ended.is_some_and(|ended| start < ended);
+            ended = ended.max(Some(end));
+            early
+        };
+        rests.iter().copied().filter(begins_early).count()
     }
 
     /// Epoch of the visits `from..until`, with the fit to all of their rests.

@@ -10,6 +10,9 @@ const KEPT: usize = 100;
 /// A nearly still span of at most this length right after a rest is the transition out of it, ns.
 const TRANSITION: i64 = 2_000_000_000;
 
+/// Shortest span that a higher threshold may turn into a rest, ns.
+const LASTING: i64 = 1_500_000_000;
+
 /// A span that was nearly a rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearMiss {
@@ -72,15 +75,22 @@ impl NearMisses {
         let mut lowest: Vec<_> = self.all.iter().map(|miss| miss.lowest).collect();
         lowest.sort_by(f64::total_cmp);
         let middle = lowest.get(lowest.len() / 2)?;
+        let mut lasting: Vec<_> =
+            self.all.iter().filter(|miss| miss.end - miss.start >= LASTING).map(|miss| miss.lowest).collect();
+        lasting.sort_by(f64::total_cmp);
         if self.all.iter().all(|miss| *middle < miss.enter) {
             return Some(
                 "hold it still for two seconds or more: it was quiet enough, but not for long enough".to_owned(),
             );
         }
+        // Thresholds take none that is over too soon.
+        let Some(middle) = lasting.get(lasting.len() / 2) else {
+            return Some("hold it against something firm, or set it down, for two seconds or more".to_owned());
+        };
         let enter = (middle * 2.0).floor() / 2.0 + 0.5;
         Some(format!(
             "hold it against something firm, or set it down; if it vibrates by nature, --set still.enter={enter} \
-             --set still.leave={} takes them",
+             --set still.leave={} may take those that lasted",
             enter + 2.0
         ))
     }
@@ -105,12 +115,14 @@ mod tests {
     #[test]
     fn a_plateau_between_the_thresholds_is_one_and_what_became_a_rest_is_none() {
         use State::{Moving, Still, Unknown};
-        let quiet = [(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 90.0)];
+        let quiet = [(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 3.9), (Moving, 90.0)];
         let found = misses(&quiet);
         let second = 1_000_000_000;
-        let expected = NearMiss { start: second, end: 2 * second, lowest: 3.6, enter: 3.0 };
+        let expected = NearMiss { start: second, end: 3 * second, lowest: 3.6, enter: 3.0 };
         assert_eq!(found.iter().copied().collect::<Vec<_>>(), [expected]);
         assert!(found.advice().unwrap().contains("still.enter=4 --set still.leave=6"));
+        let brief = misses(&[(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 90.0)]);
+        assert!(brief.advice().is_some_and(|advice| !advice.contains("--set")), "{:?}", brief.advice());
         let short = misses(&[(Moving, 90.0), (Moving, 4.1), (Moving, 2.9), (Moving, 90.0)]);
         assert!(short.advice().unwrap().contains("not for long enough"), "{:?}", short.advice());
         for other in [

@@ -92,13 +92,15 @@ impl SeenTurn {
         const DIRECTION: f64 = 0.06;
         /// Relative error of the sensitivity of an uncalibrated gyroscope.
         const SCALE: f64 = 0.03;
-        /// Longest usable piece, rad.
-        const LONGEST_PIECE: f64 = 0.5;
+        /// Longest usable piece, rad: a quarter of a second, if the rates were read in a unit that makes them small.
+        const LONGEST_PIECE: f64 = 1.2;
+        /// Error of a piece over the cube of its angle, from the third order that is left out (Magnus 1954).
+        const THIRD_ORDER: f64 = 1.0 / 12.0;
         /// Largest error at which a turn still says anything, rad.
         const LOST: f64 = 0.7;
         /// Error of the mean specific force during the turn, in g.
         const ON_THE_WAY: f64 = 0.15;
-        let mut path = 0.0;
+        let (mut path, mut left_out) = (0.0, 0.0);
         let bias = (self.ends.rate[0] + self.ends.rate[1]) / 2.0;
         for piece in &self.pieces {
             let angle = (piece.angle - bias * piece.seconds).norm() / reading.per_radian;
@@ -106,8 +108,9 @@ impl SeenTurn {
                 return 0.0;
             }
             path += angle;
+            left_out += (THIRD_ORDER * angle * angle * angle).powi(2);
         }
-        let variance = DIRECTION * DIRECTION + (SCALE * path).powi(2);
+        let variance = DIRECTION * DIRECTION + (SCALE * path).powi(2) + left_out;
         if variance > LOST * LOST {
             return 0.0;
         }

@@ -260,3 +260,21 @@ fn a_rotation_that_is_declared_wrongly_is_said_and_does_no_harm() {
         &["`fit.rotations.0.end_s`: must come after `begin_s` (5), is 4"],
     );
 }
+
+#[test]
+fn a_unit_that_the_configuration_has_wrong_is_told_and_calibrates_nothing() {
+    let folder = Folder::with_demo();
+    let set = "imu=[{topic=\"/imu/data_raw\", gyro={unit=\"deg/s\"}}]";
+    let run = folder.run(["annotate", "demo.mcap", "--set", set]).ok();
+    let told = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("set gyro = { unit = \"rad/s\" } in its [[imu]]"), "{told}");
+    assert!(told.contains("gyroscope UNDETERMINED"), "{told}");
+}
+
+#[test]
+fn a_file_where_a_folder_should_be_is_named() {
+    let folder = Folder::with_demo();
+    folder.write("out", b"");
+    folder.refuses("annotate demo.mcap --out-dir out", 1, &["out: is a file", "name a folder"]);
+    folder.refuses("man out", 1, &["out: is a file", "name a folder"]);
+}

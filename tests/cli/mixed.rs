@@ -94,6 +94,18 @@ fn sensors_with_frames_of_their_own_are_imus_of_their_own() {
 }
 
 #[test]
+fn a_sensor_without_a_frame_has_a_topic_that_ros_takes() {
+    let folder = Folder::new();
+    folder.write("a.mcap", &in_turn(["left", ""]));
+    let result = folder.run(["annotate", "a.mcap", "--json", "--set", MAPPED]).ok().json();
+    let names: Vec<_> = result["imus"].as_array().unwrap().iter().map(|imu| imu["name"].to_string()).collect();
+    assert!(names.len() == 2 && names[0] != names[1], "{names:?}");
+    let annotated = folder.read("a.annotated.mcap");
+    let summary = mcap::Summary::read(&annotated).unwrap().unwrap();
+    assert!(summary.channels.values().all(|channel| !channel.topic.contains("//")), "{:?}", summary.channels);
+}
+
+#[test]
 fn one_sensor_whose_readings_come_twice_or_that_shakes_is_one() {
     let folder = Folder::new();
     let twice = six_faces()

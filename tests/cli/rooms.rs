@@ -128,7 +128,7 @@ fn collect(folder: &Path, name: &mut Name, files: &mut BTreeMap<Name, String>) {
             if path.join("Cargo.toml").exists() {
                 continue;
             }
-            let root = name.is_empty() && stem == "commands";
+            let root = name.is_empty() && ["cli", "commands"].contains(&stem.as_str());
             name.extend(root.then(|| "bin".to_owned()));
             name.push(stem);
             collect(&path, name, files);

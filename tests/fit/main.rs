@@ -13,6 +13,7 @@ mod session;
 mod advice;
 mod bars;
 mod calibration;
+mod gyroscope_faults;
 mod models;
 mod movement;
 mod partial;

@@ -99,7 +99,7 @@ fn a_declaration_that_is_of_no_use_is_said_with_what_was_seen() {
     lost.samples.retain(|(sensor, sample)| {
         *sensor != Sensor::Gyroscope || !(5_000_000_000..5_200_000_000).contains(&sample.stamp.nanos())
     });
-    let hasty = Hand::new(on_table(), 7).rest(3.0).turn(Vector3::z() * TAU, 4.0).rest(0.6);
+    let hasty = Hand::new(on_table(), 7).rest(3.0).turn(Vector3::z() * TAU, 4.0).rest(0.9);
     let seen = "367.2° were seen";
     for (hand, declared, words) in [
         // The other way round, in turns, in radians, one turn too many, and without what is a turn more.
@@ -115,7 +115,7 @@ fn a_declaration_that_is_of_no_use_is_said_with_what_was_seen() {
         ),
         (whole(), rotation(1e6, 2e6, 360.0), "nothing turned between two rests then"),
         (two(), rotation(1.0, 15.0, 540.0), "it holds 2 turns with rests between them"),
-        (turned(Vector3::x() * TAU), rotation(1.0, 9.0, 360.0), "tilted by 180° on the way"),
+        (turned(Vector3::x() * TAU), rotation(1.0, 9.0, 360.0), "it was tilted by 17"),
         (lost, rotation(1.0, 9.0, 360.0), "readings are missing"),
         (hasty, rotation(1.0, 7.3, 360.0), "a rest at one of its ends was not accepted"),
         (Hand::new(on_table(), 7).rest(9.0), rotation(1.0, 9.0, 360.0), "no turn between two rests was found"),

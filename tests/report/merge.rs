@@ -121,3 +121,16 @@ fn a_fleet_whose_recordings_show_one_to_three_faces_is_calibrated() {
     let false_alarms: usize = outcomes.iter().map(Outcome::false_alarms).sum();
     assert!(found as u64 * 20 >= SENSORS / 2 * 19 && false_alarms <= 3, "{found} found, {false_alarms} false");
 }
+
+#[test]
+fn rests_that_overlap_are_told_to_be_of_several_sensors() {
+    let mut rng = randomness();
+    let [one, other] = [(); 2].map(|()| Truth::new(&mut rng));
+    let apart = [one.recording(&mut rng, 0, 3), one.recording(&mut rng, DAY, 3)];
+    assert_eq!(only(&joined(&apart)).history.overlapping, 0);
+    let at_once = [one.recording(&mut rng, 0, 3), other.recording(&mut rng, 1_000_000_000, 3)];
+    let merged = only(&joined(&at_once));
+    assert!(merged.history.overlapping > 0);
+    let notes = merged.history.course().notes;
+    assert!(notes.iter().any(|note| note.contains("several sensors, which --by tells apart")), "{notes:?}");
+}

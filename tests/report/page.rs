@@ -89,7 +89,7 @@ fn a_drift_is_shown_with_its_interval_and_nothing_is_minus_zero() {
 fn spans_that_were_nearly_rests_are_named() {
     let second = |at: i64| prost_types::Timestamp { seconds: at, nanos: 0 };
     let mut timeline = Timeline::new(Findings::new("/imu", "/imu"));
-    for (at, statistic) in [(1, 80.0), (2, 3.6), (3, 4.2), (4, 80.0)] {
+    for (at, statistic) in [(1, 80.0), (2, 3.6), (3, 4.2), (4, 4.2), (5, 80.0)] {
         let header = Some(Header { stamp: Some(second(at)), frame_id: String::new() });
         let said = Stillness { header, state: 1, statistic, enter: 3.0, leave: 5.0 };
         timeline.note(&Event { log_time: at as u64, message: Message::Stillness(said) });

@@ -148,11 +148,10 @@ pub(in crate::imu) fn admit(
 
 /// Unused name for an IMU: the base, with the frame appended if it is not the first one, and a number if needed.
 fn free_name(base: String, frame: Option<&String>, imus: &[Imu]) -> String {
-    let legal = |c: char| if c.is_ascii_alphanumeric() || c == '/' { c } else { '_' };
-    let base = match frame {
-        Some(frame) => format!("{base}/{}", frame.trim_matches('/').chars().map(legal).collect::<String>()),
-        None => base,
-    };
+    let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    // A frame without a name adds none, which no topic may have.
+    let parts = frame.iter().flat_map(|frame| frame.split('/')).filter(|part| !part.is_empty());
+    let base = parts.fold(base, |base, part| format!("{base}/{}", part.chars().map(legal).collect::<String>()));
     let taken = |name: &str| imus.iter().any(|imu| imu.name == name);
     let numbered = (2..).map(|n| format!("{base}_{n}"));
     std::iter::once(base.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(base)

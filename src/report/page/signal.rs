@@ -160,7 +160,10 @@ pub(super) fn statistic(imu: &Imu<'_>) -> Option<Markup> {
 
 fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
     let step = imu.rests.len().div_ceil(BANDS).max(1);
-    imu.rests.iter().step_by(step).for_each(|rest| plot.band(rest.from, rest.until, "band plain", &title(rest, 1)));
+    for rest in imu.rests.iter().step_by(step) {
+        let class = if rest.segment.accepted { "band plain" } else { "band rejected" };
+        plot.band(rest.from, rest.until, class, &title(rest, 1));
+    }
 }
 
 /// Table of the median standard deviation of one sample during the rests, sensor by sensor; `None` without any.
