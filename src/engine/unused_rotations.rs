@@ -20,10 +20,10 @@ impl View<'_> {
 
     fn why_unused(&self, rotation: &RotationConfig) -> Option<String> {
         let verdicts = self.verdicts();
-        let meant = verdicts.values().filter(|(turn, _)| self.rotations.means(rotation, turn));
+        let mut meant = verdicts.values().filter(|(turn, _)| self.rotations.means(rotation, turn));
         let between: Vec<_> = meant.clone().filter(|(_, verdict)| verdict.reason != Reason::Unrest).collect();
         match between.as_slice() {
-            [] => Some(match meant.last() {
+            [] => Some(match meant.next_back() {
                 Some((turn, verdict)) => format!("{}: {}", self.told(turn), verdict.explanation),
                 None => match self.rotations.nearest(rotation, verdicts.values().map(|(turn, _)| turn)) {
                     Some(nearest) => {

@@ -105,7 +105,7 @@ fn a_declaration_that_is_of_no_use_is_said_with_what_was_seen() {
         // The other way round, in turns, in radians, one turn too many, and without what is a turn more.
         (whole(), rotation(1.0, 9.0, -360.0), seen),
         (whole(), rotation(1.0, 9.0, 1.0), seen),
-        (whole(), rotation(1.0, 9.0, 6.283), seen),
+        (whole(), rotation(1.0, 9.0, TAU), seen),
         (whole(), rotation(1.0, 9.0, 720.0), seen),
         (turned(Vector3::z() * 3.0 * TAU), rotation(1.0, 9.0, 720.0), "1101.6° were seen"),
         (
