@@ -30,9 +30,9 @@ fn every_command_works_in_the_order_of_the_text() {
     }
     let path = format!("{}:{}", Path::new(&program()).parent().unwrap().display(), std::env::var("PATH").unwrap());
 
-    let (mut ran, mut told, mut shown) = (Vec::new(), None, 0);
+    let (mut ran, mut told, mut shown) = (Vec::new(), None::<String>, 0);
     for (language, block) in blocks(&text) {
-        // What follows commands at once is what the last of them prints.
+        // A text right behind commands is what the last of them prints.
         if let ("text", Some(told)) = (language, told.take()) {
             assert_eq!(block, told, "{:?}: what the README shows", ran.last());
             shown += 1;
