@@ -149,3 +149,29 @@ fn rests_that_were_recorded_twice_confirm_nothing() {
     let found = gyroscope(&samples, Config::default());
     assert!(found.status() != Status::Confirmed && says(&found, "noise and all"), "{found:?}");
 }
+
+#[test]
+fn where_accelerometers_take_turns_the_gyroscope_is_not_learned_either() {
+    let turn = std::cell::Cell::new(false);
+    let mixed = |sensor, sample: &mut Sample| {
+        if sensor == Sensor::Accelerometer && turn.replace(!turn.get()) {
+            sample.value += Vector3::new(0.3, -0.2, 0.2);
+        }
+    };
+    let mut engine = Engine::new(Config::default());
+    let mut events = Vec::new();
+    let samples = session(Held::default(), 7, 12, mixed);
+    samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
+    engine.finish(&mut events);
+    let (mut learned, mut told) = (0, 0);
+    for event in events {
+        match event.message {
+            Message::Calibration(found) => {
+                learned += found.gyroscope.map_or(0, |found| usize::from(found.bias.is_some()))
+            }
+            Message::Log(log) => told += usize::from(log.message.contains("take turns on one topic")),
+            _ => {}
+        }
+    }
+    assert_eq!((learned, told), (0, 2), "once for each triad");
+}
