@@ -1,7 +1,7 @@
 //! Turn of one sensor in one of any number of recordings, with the rests at its ends.
 //!
-//! The turn that is declared, or else rotated gravity the most, stands for a span of time and for the faces of a cube that were up before and
-//! after it.
+//! The turn that is declared, or else rotated gravity the most, stands for a span of time and for the faces of a cube
+//! that were up before and after it.
 
 use std::cmp::Ordering;
 
