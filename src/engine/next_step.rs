@@ -69,7 +69,7 @@ fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String 
                     after_it(solution.unchecked.len())
                 ),
                 _ => format!(
-                    "turn it over and place {face} up once more{}: a wrong placement there would not show, and could hide an error of \
+                    "lift it and place {face} up once more{}: a wrong placement there would not show, and could hide an error of \
                      {hidden} m/s²{promise}",
                     after_it(solution.unchecked.len())
                 ),
