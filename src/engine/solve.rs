@@ -213,6 +213,7 @@ fn others(
         faults: Vec::new(),
         turned: Explanation::Unknown,
         unit_confirmed: false,
+        hold_s: judge.segmenter.hold_s(),
     }
 }
 
