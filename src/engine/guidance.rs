@@ -62,12 +62,13 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
     let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
     Some(format!(
-        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest, \
-         or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
+        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest \
+         for {}, or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
         said(accel),
         said(gyro),
         config.accel_ceiling,
-        config.gyro_ceiling
+        config.gyro_ceiling,
+        seconds(segmenter.hold_s())
     ))
 }
 

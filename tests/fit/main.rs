@@ -23,6 +23,7 @@ mod recognised;
 mod rests;
 mod rotations;
 mod status;
+mod streams;
 mod thesis;
 mod turn_messages;
 mod turns;

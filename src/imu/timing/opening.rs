@@ -27,7 +27,10 @@ pub(super) struct Opening {
 const ALIKE: f64 = 30.0;
 /// Factor within which stamps go as in another unit.
 const NEAR: f64 = 2.0;
-/// Time of the log after which the pace is known, ns …
+/// Time of the log after which stamps that go like it are believed, or number of messages: several may be logged at once.
+const BRIEF: i64 = 50_000_000;
+const MOST_IN_BRIEF: usize = 256;
+/// Time of the log after which another pace is known, ns …
 const ENOUGH: i64 = 500_000_000;
 /// … or, where hardly a stamp differs from the last: the coarsest clocks count whole seconds.
 const LONG: i64 = 2_500_000_000;
@@ -61,10 +64,13 @@ impl Opening {
         }
         let ratio = stamped as f64 / logged as f64;
         let is_known = logged >= if ratio > HARDLY { ENOUGH } else { LONG };
-        if (1.0 / ALIKE..ALIKE).contains(&ratio) || count >= MOST && !is_known {
-            return Some(Pace::Usual);
+        if (1.0 / ALIKE..ALIKE).contains(&ratio) {
+            return (logged >= BRIEF || count >= MOST_IN_BRIEF).then_some(Pace::Usual);
         }
-        is_known.then(|| of(ratio))
+        match is_known {
+            true => Some(of(ratio)),
+            false => (count >= MOST).then_some(Pace::Usual),
+        }
     }
 
     /// Pace of all messages at the end of the recording.
