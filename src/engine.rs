@@ -121,6 +121,8 @@ pub struct Engine {
     first: Option<Stamp>,
     clock: ClockDrift,
     last: Option<(Stamp, u64)>,
+    /// Number of samples of each triad that are no readings.
+    unread: BTreeMap<Sensor, u64>,
     /// Texts on the declared rotations that are of no use, at the end.
     unused_rotations: Vec<String>,
     /// Position from the recording.
@@ -148,14 +150,19 @@ impl Engine {
             first: None,
             clock: ClockDrift::default(),
             last: None,
+            unread: BTreeMap::new(),
             unused_rotations: Vec::new(),
             fix: None,
             config,
         }
     }
 
-    /// Takes a sample, and appends the events that it causes to `events`.
+    /// Takes a sample, and appends the events that it causes to `events`. One that is no reading, as NaN, is left out.
     pub fn push(&mut self, sensor: Sensor, sample: &Sample, events: &mut Vec<Event>) {
+        if !Sample::is_reading(&sample.value) {
+            *self.unread.entry(sensor).or_default() += 1;
+            return;
+        }
         if let Some(reference) = &mut self.reference {
             reference.push(sensor, sample);
         }
@@ -259,6 +266,10 @@ impl Engine {
             probe.finish();
         }
         self.learn(stamp, log_time, true, events);
+        for (sensor, count) in &self.unread {
+            let text = guidance::unread(guidance::sensor(&self.config, *sensor), *count);
+            events.push(self.log(stamp, log_time, Level::Warning, text));
+        }
         for (level, text) in guidance::closing(&self.segmenter, self.history.found(), &self.config.still) {
             events.push(self.log(stamp, log_time, level, text));
         }
@@ -334,7 +345,8 @@ impl Engine {
         let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
         solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
         solution.faults.extend(replay::detect(history.entries()));
-        solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &solution));
+        solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &givens, &solution));
+        fault_detection::attribute(&mut solution.faults);
         fault_detection::veto(&mut solution);
         solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution

@@ -14,8 +14,8 @@ mod schema;
 mod timing;
 
 pub use config::{
-    AccelUnit, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, SecondaryModel, TemperatureConfig,
-    TemperatureUnit, VectorConfig, VectorPath,
+    AccelUnit, AxesConfig, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, SecondaryModel,
+    TemperatureConfig, TemperatureUnit, VectorConfig, VectorPath,
 };
 pub use decode::Decoder;
 pub use decode::malformed::Malformed;

@@ -46,6 +46,8 @@ pub(super) enum FaultKind {
     Drifting,
     /// Stamps of a clock that runs fast or slow.
     Clock,
+    /// Turns that reach the end of the range.
+    Clipped,
     /// Rests that were recorded twice.
     Replayed,
 }
@@ -75,6 +77,7 @@ impl Fault {
             | FaultKind::Inverted
             | FaultKind::Drifting
             | FaultKind::Clock
+            | FaultKind::Clipped
             | FaultKind::Replayed => false,
         }
     }

@@ -96,6 +96,13 @@ fn misread(turned: &Explanation, unit: RateUnit) -> Option<Fault> {
     }
 }
 
+/// Removes what follows from another fault: rates that stop at the end of a range do not explain how gravity turned.
+pub(super) fn attribute(faults: &mut Vec<Fault>) {
+    if faults.iter().any(|fault| fault.kind == FaultKind::Clipped) {
+        faults.retain(|fault| fault.kind != FaultKind::Disagreeing);
+    }
+}
+
 /// Removes estimates that must not be published.
 pub(super) fn veto(solution: &mut Solution) {
     for fault in solution.faults.iter().filter(|fault| fault.forbids()) {

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3 as Direction};
 use super::config::Config;
 use super::drift::Drift;
 use super::fault::FaultKind;
+use super::next_step::seconds;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
@@ -52,21 +53,22 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     }
     if status.state != State::Unknown {
         return Some(format!(
-            "never still for {} s: it was quiet for moments only. Put it down, away from what shakes it, and let it rest for \
-             two seconds",
-            config.min_rest_s
+            "never still for {} s: it was quiet for moments only. Put it down, away from what shakes it, and let it rest for {}",
+            config.min_rest_s,
+            seconds(segmenter.hold_s())
         ));
     }
     let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
     let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
     Some(format!(
-        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest, \
-         or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
+        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest \
+         for {}, or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
         said(accel),
         said(gyro),
         config.accel_ceiling,
-        config.gyro_ceiling
+        config.gyro_ceiling,
+        seconds(segmenter.hold_s())
     ))
 }
 
@@ -200,6 +202,12 @@ pub(super) fn closing(segmenter: &Segmenter, found: u64, config: &still::Config)
         said.push((Level::Warning, text));
     }
     said
+}
+
+/// Log line on samples that are no readings.
+pub(super) fn unread(sensor: &str, count: u64) -> String {
+    let samples = counted(count, "sample");
+    format!("{sensor}: {samples} of NaN, infinity or beyond what any sensor reads are left out")
 }
 
 /// Notes on why richer models than the accelerometer's were refused.

@@ -1,19 +1,27 @@
-//! Faults of a gyroscope that its rests and its clock show: zeros at rest, a bias that drifts, stamps that run fast.
+//! Faults of a gyroscope that its rests, its turns and its clock show: zeros at rest, a bias that drifts, the end of its
+//! range, stamps that run fast.
+
+use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
 use super::clock_drift::ClockDrift;
 use super::fault::{Fault, FaultKind};
+use super::givens::Givens;
+use super::observations;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
 use crate::imu::Sensor;
+use crate::plural::counted;
 use crate::still::{Segmenter, TriadMean};
+use crate::turns::Unusable;
 
 /// Detects them, given the estimates.
 pub(super) fn detect(
     segmenter: &Segmenter,
     entries: &[JudgedRest],
     clock: &ClockDrift,
+    givens: &Givens<'_>,
     solution: &Solution,
 ) -> Vec<Fault> {
     let Some(signal) = segmenter.signal(Sensor::Gyroscope) else { return Vec::new() };
@@ -42,7 +50,25 @@ pub(super) fn detect(
         );
         fault(FaultKind::Clock, text)
     });
-    silenced.into_iter().chain(drifting).chain(clock).collect()
+    let clipped = clipped(segmenter, entries, givens).map(|text| fault(FaultKind::Clipped, text));
+    silenced.into_iter().chain(drifting).chain(clock).chain(clipped).collect()
+}
+
+/// Text on turns between rests that reach the end of the range, if any do.
+fn clipped(segmenter: &Segmenter, entries: &[JudgedRest], givens: &Givens<'_>) -> Option<String> {
+    let noise = observations::gyroscope_noise(segmenter);
+    let tells = |entry: &&JudgedRest| observations::tells_of_rates(entry, noise);
+    let stood: BTreeSet<_> = entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
+    let turns = givens.turns.turns(|start| stood.contains(&start));
+    let clipped = turns.iter().filter(|turn| turn.unusable(givens.gyro_range) == Some(Unusable::Clipped));
+    let peak = clipped.clone().map(|turn| turn.peak()).reduce(f64::max)?;
+    Some(format!(
+        "{} of {} without use: the rate reached the end of the range, {:.0} °/s ({peak:.3} rad/s). Turn it more slowly, or set a wider \
+         range in the driver",
+        clipped.count(),
+        counted(turns.len() as u64, "turn"),
+        peak.to_degrees()
+    ))
 }
 
 /// Whether most rests read exactly zero on all axes throughout.

@@ -6,24 +6,28 @@ use super::status::Unconfirmed;
 use crate::fit::{Estimate, Parameterisation};
 use crate::messages::Face;
 
+/// Least time that further poses are to be held, s.
+const TOLD_S: u32 = 3;
+
 /// Next step of the operator.
 pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirmed: Result<(), Unconfirmed>) -> String {
     let missing = faces.iter().filter(|face| face.placements == 0 && solution.accelerometer.is_err());
     let missing: Vec<_> = missing.map(|face| face.name.as_str()).collect();
+    let hold = seconds(solution.hold_s);
     match (&solution.missing, &solution.accelerometer) {
         (Missing::Motion, Err(why)) => return format!("no calibration: {why}"),
         (Missing::Direction(unseen), Err(why)) if found > 0 => {
-            return format!("{why}. Turn the sensor so that {unseen} points up and let it rest for two seconds");
+            return format!("{why}. Turn the sensor so that {unseen} points up and let it rest for {hold}");
         }
         _ => {}
     }
     match (missing.as_slice(), &solution.accelerometer, confirmed) {
         ([first, ..], _, _) if found == 0 || missing.len() == faces.len() => {
-            format!("put the sensor down with {first} up (any face will do) and let it rest for two seconds")
+            format!("put the sensor down with {first} up (any face will do) and let it rest for {hold}")
         }
-        ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for two seconds"),
+        ([only], _, _) => format!("turn the sensor so that {only} points up and let it rest for {hold}"),
         ([first, ..], _, _) => format!(
-            "still to see: {}. Turn the sensor so that {first} points up and let it rest for two seconds",
+            "still to see: {}. Turn the sensor so that {first} points up and let it rest for {hold}",
             missing.join(", ")
         ),
         ([], Err(why), _) if !why.asks_for_rests() => format!("no calibration: {why}"),
@@ -36,7 +40,7 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirm
             solution.faults.iter().find(|fault| fault.doubts()).map(|fault| fault.text.clone()).unwrap_or_default()
         }
         ([], Ok(_), Ok(())) => match &solution.advice {
-            Some(advice) => format!("done: repeated placements agree. {}", further(advice)),
+            Some(advice) => format!("done: repeated placements agree. {}", further(advice, solution.hold_s)),
             None => "done: repeated placements agree".to_owned(),
         },
         ([], Ok(fit), Err(why)) => unconfirmed(fit, solution, why),
@@ -56,7 +60,7 @@ fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String 
         }
         (Unconfirmed::Unchecked, Some(face), shape) => {
             let hidden = metres(fit.hidden_error(solution.gravity.value));
-            let promise = solution.advice.as_ref().map_or_else(String::new, |advice| format!(". {}", promise(advice)));
+            let promise = solution.advice.as_ref().map_or_else(String::new, |advice| format!(". {}", promise(advice, solution.hold_s)));
             match (shape, &solution.advice) {
                 (Parameterisation::TRIANGULAR, Some(advice)) => format!(
                     "let it rest once more near {}{}: a wrong rest near {face} would not show, and could hide an error of {hidden} \
@@ -92,11 +96,12 @@ fn unconfirmed(fit: &Estimate, solution: &Solution, why: Unconfirmed) -> String 
 }
 
 /// Text on what further poses would bring to a calibration that needs none.
-fn further(advice: &Advice) -> String {
+fn further(advice: &Advice, hold_s: u32) -> String {
     let [now, then] = advice.error.map(metres);
     match advice.worthwhile {
         true => format!(
-            "To know it better, hold it for 3 s with {} up{}: worst-case error {now} → {then} m/s²",
+            "To know it better, hold it for {} s with {} up{}: worst-case error {now} → {then} m/s²",
+            hold_s.max(TOLD_S),
             advice.first,
             after_it(advice.poses)
         ),
@@ -110,10 +115,15 @@ fn further(advice: &Advice) -> String {
 }
 
 /// Text on what the poses of an advice will bring.
-fn promise(advice: &Advice) -> String {
+fn promise(advice: &Advice, hold_s: u32) -> String {
     let [now, then] = advice.error.map(metres);
-    let held = if advice.poses == 1 { "Held for 3 s" } else { "Each held for 3 s" };
-    format!("{held}: worst-case error {now} → {then} m/s²")
+    let held = if advice.poses == 1 { "Held" } else { "Each held" };
+    format!("{held} for {} s: worst-case error {now} → {then} m/s²", hold_s.max(TOLD_S))
+}
+
+/// Time in words.
+pub(super) fn seconds(count: u32) -> String {
+    if count == 2 { "two seconds".to_owned() } else { format!("{count} s") }
 }
 
 /// Text on the number of poses after the first one.

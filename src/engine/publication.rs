@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::config::{Config, Secondary};
+use super::fault::FaultKind;
 use super::guidance;
 use super::next_step;
 use super::refusal::held_back;
@@ -179,8 +180,10 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let at_rest = status::message(status::gyroscope(solution, by_rests));
     let turned = solution.turning.as_ref().map(|turning| turning.remarks()).unwrap_or_default();
     let unit = config.gyro_unit.unwrap_or_default();
-    let unconfirmed =
-        (!solution.unit_confirmed && notes.is_empty() && !config.reference).then(|| units::unconfirmed_unit(unit));
+    // Axes that are told to be those of the accelerometer were told by turns that could be followed.
+    let is_contradicted = solution.faults.iter().any(|fault| fault.kind == FaultKind::Flipped);
+    let unconfirmed = (!solution.unit_confirmed && notes.is_empty() && !is_contradicted && !config.reference)
+        .then(|| units::unconfirmed_unit(unit));
     let warmth = solution.warmth.as_ref().map(|warmth| &warmth.gyroscope);
     let warm = warmth.map(|course| temperature::note(course, false));
     let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed);

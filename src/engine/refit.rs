@@ -11,7 +11,7 @@ use super::solve;
 use crate::fit::turn_fit::Told;
 use crate::fit::{Estimate, Gravity, Parameterisation, Term};
 use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
-use crate::still::{ReadingRange, Rest, TriadMean};
+use crate::still::{ReadingRange, Rest, Sketch, TriadMean};
 use crate::{Stamp, messages};
 
 /// Result of a refit over rests of several recordings.
@@ -162,5 +162,6 @@ fn mean_of(message: &MeanMessage) -> Option<TriadMean> {
         ends: [mean; 2],
         extremes: ReadingRange::of(&mean),
         clipped: 0,
+        sketch: Sketch::default(),
     })
 }

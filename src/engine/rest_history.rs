@@ -189,5 +189,6 @@ fn merged(a: &TriadMean, b: &TriadMean) -> TriadMean {
         ends: [a.ends[0], b.ends[1]],
         extremes: a.extremes.merged(&b.extremes),
         clipped: a.clipped + b.clipped,
+        sketch: a.sketch.merged(&b.sketch),
     }
 }

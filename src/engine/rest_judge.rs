@@ -98,7 +98,11 @@ impl Judge<'_> {
     ) -> Option<(Reason, String)> {
         let accelerometer = &rest.accelerometer;
         if seconds < self.still.min_fit_s {
-            let explanation = format!("{seconds:.2} s: hold it still for {} s or more", self.still.min_fit_s);
+            let explanation = format!(
+                "{seconds:.2} s of rest, {} s are needed: hold it still for {} s or more",
+                self.still.min_fit_s,
+                self.segmenter.hold_s()
+            );
             return Some((Reason::TooShort, explanation));
         }
         let pinned = self.segmenter.signal(Sensor::Accelerometer).and_then(|signal| pinned(accelerometer, &signal));

@@ -58,6 +58,8 @@ pub(super) struct Solution {
     pub(super) partial: Partial,
     /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,
+    /// Time for which the sensor must be held still for a rest to count, s.
+    pub(super) hold_s: u32,
 }
 
 /// Missing data of a model of the accelerometer.

@@ -206,6 +206,7 @@ fn others(
         faults: Vec::new(),
         turned: Explanation::Unknown,
         unit_confirmed: false,
+        hold_s: judge.segmenter.hold_s(),
     }
 }
 

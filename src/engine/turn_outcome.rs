@@ -24,6 +24,11 @@ impl Turning {
         Some(courses.clone().later(start.seconds_since(first)))
     }
 
+    /// Whether turns reached the end of the range.
+    fn is_clipped(&self) -> bool {
+        self.unusable.iter().any(|(why, _)| *why == Unusable::Clipped)
+    }
+
     /// Remarks for people.
     pub(super) fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
@@ -44,9 +49,11 @@ impl Turning {
                     remarks.push("without one of the turns the others would say less: turn it once more".to_owned());
                 }
             }
+            // Turns that reach the end of the range are told of as a fault: further ones like them would not help.
+            Err(_) if self.is_clipped() => {}
             Err(why) => remarks.push(format!("no sensitivity from turns: {why}")),
         }
-        for (why, count) in &self.unusable {
+        for (why, count) in self.unusable.iter().filter(|(why, _)| *why != Unusable::Clipped) {
             remarks.push(format!("{} without use: {why}", counted(*count as u64, "turn")));
         }
         remarks

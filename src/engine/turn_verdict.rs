@@ -1,6 +1,6 @@
 //! Verdict on each turn between two rests, as it is published.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -97,8 +97,9 @@ impl<'a> View<'a> {
     /// Turns between neighbouring accepted rests.
     fn believed(&self) -> Vec<Turn<'a>> {
         let tells = |entry: &&JudgedRest| observations::tells_of_rates(entry, self.noise);
-        let believed: Vec<Stamp> = self.entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
-        self.turns.turns(|start| believed.binary_search(&start).is_ok())
+        // After a clock was set back they are not in order.
+        let believed: BTreeSet<Stamp> = self.entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
+        self.turns.turns(|start| believed.contains(&start))
     }
 
     /// Verdict on a turn between accepted rests; `place` counts those that were fitted.

@@ -117,17 +117,55 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
     let unit = (!right).then(|| other_unit(per_radian / unit.factor(), or.map(|or| or / unit.factor())));
     let order = (axes != AxisOrder::RIGHT).then(|| other_axes(axes));
     match (unit, order) {
-        (Some(unit), Some((_, order))) => (Misread::Unit, format!("{unit}; {order}")),
-        (Some(unit), None) => (Misread::Unit, unit),
-        (None, Some((kind, order))) => {
-            (kind, format!("{order}: gravity turns between rests against what the rates say. Correct it in the driver"))
+        (Some((unit, set)), None) => {
+            let remedy = set.map_or_else(|none| format!(", {none}"), |set| format!(": {}", setting("gyro", &[set])));
+            (Misread::Unit, format!("{unit}{remedy}"))
+        }
+        (Some((unit, set)), Some(order)) => {
+            let none = set.as_ref().err().map_or_else(String::new, |none| format!(", {none}"));
+            let set: Vec<_> = set.into_iter().chain(std::iter::once(axes_setting(axes))).collect();
+            (Misread::Unit, format!("{unit}{none}; {}: {}", order.text, setting("gyro", &set)))
+        }
+        (None, Some(OtherOrder { kind, text, accelerometer })) => {
+            let gyro = setting("gyro", &[axes_setting(axes)]);
+            let remedy = match accelerometer {
+                None => gyro,
+                Some(order) => {
+                    let accel = setting("accel", &[axes_setting(order)]);
+                    format!("{accel}; or, if it is the gyroscope's that are wrong, {gyro}")
+                }
+            };
+            (
+                kind,
+                format!(
+                    "{text}: gravity turns between rests against what the rates say. Correct it in the driver, or {remedy}"
+                ),
+            )
         }
         (None, None) => (Misread::Unit, String::new()),
     }
 }
 
-/// Text on rates in another unit, from the recorded number per rad/s, or else `or`.
-fn other_unit(recorded: f64, or: Option<f64>) -> String {
+/// What is said of a factor that no unit makes.
+const NO_UNIT: &str = "which is no known unit: is the full-scale range that its driver assumes the one that is set?";
+/// What is said of a unit that no setting knows.
+const NO_SETTING: &str = "which no setting converts: record them in rad/s or deg/s";
+
+/// Setting of a triad, as a sentence.
+fn setting(triad: &str, entries: &[String]) -> String {
+    format!("set {triad} = {{ {} }} in its [[imu]]", entries.join(", "))
+}
+
+/// Setting of the axes that are the sensor's.
+fn axes_setting(order: AxisOrder) -> String {
+    let name = |axis: usize| format!("\"{}{}\"", if order.flipped[axis] { "-" } else { "" }, NAMES[order.from[axis]]);
+    format!("axes = [{}, {}, {}]", name(0), name(1), name(2))
+}
+
+const NAMES: [&str; 3] = ["x", "y", "z"];
+
+/// Text on rates in another unit, from the recorded number per rad/s, or else `or`, and the setting for it, or what to do.
+fn other_unit(recorded: f64, or: Option<f64>) -> (String, Result<String, &'static str>) {
     let called = |recorded: f64| match RateScale::near(recorded) {
         RateScale::Radians => "in rad/s".to_owned(),
         RateScale::Degrees => "in deg/s".to_owned(),
@@ -139,15 +177,13 @@ fn other_unit(recorded: f64, or: Option<f64>) -> String {
         RateScale::Unknown(times) => format!("{} times those in rad/s", rounded(times)),
     };
     let or = or.map(|or| format!(", or {}", called(or))).unwrap_or_default();
-    let remedy = match RateScale::near(recorded) {
-        RateScale::Radians => ": set gyro = { unit = \"rad/s\" } in its [[imu]]",
-        RateScale::Degrees => ": set gyro = { unit = \"deg/s\" } in its [[imu]]",
-        RateScale::Unknown(_) => {
-            ", which is no known unit: is the full-scale range that its driver assumes the one that is set?"
-        }
-        _ => ", which no setting converts: record them in rad/s or deg/s",
+    let set = match RateScale::near(recorded) {
+        RateScale::Radians => Ok("unit = \"rad/s\"".to_owned()),
+        RateScale::Degrees => Ok("unit = \"deg/s\"".to_owned()),
+        RateScale::Unknown(_) => Err(NO_UNIT),
+        _ => Err(NO_SETTING),
     };
-    format!("between rests gravity turned as if the rates were {}{or}{remedy}", called(recorded))
+    (format!("between rests gravity turned as if the rates were {}{or}", called(recorded)), set)
 }
 
 /// Text of a factor that is known to a few percent.
@@ -156,28 +192,44 @@ fn rounded(times: f64) -> String {
     format!("{times:.digits$}")
 }
 
-/// Fault of axes that are not in order, and the text on it.
-fn other_axes(axes: AxisOrder) -> (Misread, String) {
-    let names = ["x", "y", "z"];
+/// Axes that are not in order.
+struct OtherOrder {
+    kind: Misread,
+    text: String,
+    /// Order to set for the accelerometer, where a fault of that explains it more simply.
+    accelerometer: Option<AxisOrder>,
+}
+
+impl OtherOrder {
+    fn of_gyroscope(kind: Misread, text: String) -> Self {
+        Self { kind, text, accelerometer: None }
+    }
+}
+
+/// Tells of axes that are not in order.
+fn other_axes(axes: AxisOrder) -> OtherOrder {
     if axes.is_in_order() {
         return flipped(axes.flipped);
     }
     let exchanged = |order: AxisOrder| {
-        let moved: Vec<_> = (0..3).filter(|&axis| order.from[axis] != axis).map(|axis| names[axis]).collect();
+        let moved: Vec<_> = (0..3).filter(|&axis| order.from[axis] != axis).map(|axis| NAMES[axis]).collect();
         (order.flipped == [false; 3] && moved.len() == 2).then(|| moved.join(" and "))
     };
     if let Some(pair) = exchanged(axes) {
-        return (Misread::Gyroscope, format!("the gyroscope's {pair} axes are exchanged"));
+        return OtherOrder::of_gyroscope(Misread::Gyroscope, format!("the gyroscope's {pair} axes are exchanged"));
     }
     if let Some(pair) = exchanged(axes.reversed()) {
-        return (
-            Misread::Accelerometer,
-            format!("the accelerometer's {pair} axes are exchanged (or the gyroscope's, and all of its axes flipped)"),
-        );
+        return OtherOrder {
+            kind: Misread::Accelerometer,
+            text: format!(
+                "the accelerometer's {pair} axes are exchanged (or the gyroscope's, and all of its axes flipped)"
+            ),
+            accelerometer: Some(axes.reversed()),
+        };
     }
-    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "−" } else { "" }, names[axes.from[axis]]);
+    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "−" } else { "" }, NAMES[axes.from[axis]]);
     let kind = if axes.is_mirrored() { Misread::Gyroscope } else { Misread::Turned };
-    (
+    OtherOrder::of_gyroscope(
         kind,
         format!(
             "the axes of gyroscope and accelerometer are exchanged: the accelerometer's x, y, z are the gyroscope's {}, {}, {}",
@@ -188,20 +240,27 @@ fn other_axes(axes: AxisOrder) -> (Misread, String) {
     )
 }
 
-/// Fault of axes with the wrong sign, and the text on it.
-fn flipped(flipped: [bool; 3]) -> (Misread, String) {
+/// Tells of axes with the wrong sign.
+fn flipped(flipped: [bool; 3]) -> OtherOrder {
     let named = |state: bool| {
-        let axes = ["x", "y", "z"].into_iter().zip(flipped);
-        axes.filter(|(_, flipped)| *flipped == state).map(|(axis, _)| axis).collect::<Vec<_>>().join(", ")
+        let axes = NAMES.into_iter().zip(flipped);
+        axes.filter(|(_, flipped)| *flipped == state).map(|(axis, _)| axis).collect::<Vec<_>>()
     };
+    let of_gyroscope = |text| OtherOrder::of_gyroscope(Misread::Gyroscope, text);
     match flipped.iter().filter(|flipped| **flipped).count() {
-        1 => (Misread::Gyroscope, format!("the gyroscope's {} axis is flipped", named(true))),
+        1 => of_gyroscope(format!("the gyroscope's {} axis is flipped", named(true).join(", "))),
         2 => {
-            let (kept, flipped) = (named(false), named(true));
-            let text = format!("the accelerometer's {kept} axis is flipped (or the gyroscope's {flipped})");
-            (Misread::Accelerometer, text)
+            let (kept, turned) = (named(false).join(", "), named(true).join(" and "));
+            OtherOrder {
+                kind: Misread::Accelerometer,
+                text: format!(
+                    "the accelerometer's {kept} axis is flipped, or the gyroscope's {turned} are, as in another frame (FRD beside FLU, \
+                     say)"
+                ),
+                accelerometer: Some(AxisOrder { flipped: flipped.map(|flipped| !flipped), ..AxisOrder::RIGHT }),
+            }
         }
-        _ => (Misread::Gyroscope, "all axes of the gyroscope are flipped".to_owned()),
+        _ => of_gyroscope("all axes of the gyroscope are flipped".to_owned()),
     }
 }
 
@@ -267,7 +326,10 @@ mod tests {
 
     #[test]
     fn every_order_of_axes_is_called_by_what_it_is() {
-        let order = |from, flipped| other_axes(AxisOrder { from, flipped });
+        let order = |from, flipped| {
+            let OtherOrder { kind, text, .. } = other_axes(AxisOrder { from, flipped });
+            (kind, text)
+        };
         let right = [0, 1, 2];
         for ((kind, text), expected, words) in [
             (order(right, [true, false, false]), Misread::Gyroscope, "gyroscope's x axis is flipped"),
@@ -279,6 +341,34 @@ mod tests {
             (order([1, 2, 0], [false; 3]), Misread::Turned, "gyroscope's y, z, x"),
         ] {
             assert!(kind == expected && text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_to_be_set_is_said_once_with_unit_and_axes() {
+        let degrees = 1_f64.to_degrees();
+        let order = |from, flipped| AxisOrder { from, flipped };
+        for (per_radian, axes, expected) in [
+            (1.0, order([1, 0, 2], [false; 3]), &["gyro = { axes = [\"y\", \"x\", \"z\"] }"][..]),
+            (
+                degrees,
+                order([1, 0, 2], [false, false, true]),
+                &["gyro = { unit = \"deg/s\", axes = [\"y\", \"x\", \"-z\"] }"],
+            ),
+            (
+                1.0,
+                order([0, 1, 2], [false, true, true]),
+                &["accel = { axes = [\"-x\", \"y\", \"z\"] }", "gyro = { axes = [\"x\", \"-y\", \"-z\"] }"],
+            ),
+            (
+                1.0,
+                order([0, 2, 1], [true; 3]),
+                &["accel = { axes = [\"x\", \"z\", \"y\"] }", "gyro = { axes = [\"-x\", \"-z\", \"-y\"] }"],
+            ),
+        ] {
+            let (_, text) = otherwise(per_radian, None, axes, RateUnit::RadiansPerSecond);
+            assert_eq!(text.matches(" = {").count(), expected.len(), "{text}");
+            assert!(expected.iter().all(|set| text.contains(set)), "no {expected:?} in {text}");
         }
     }
 }

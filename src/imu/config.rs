@@ -1,5 +1,6 @@
 //! The `[[imu]]` tables of the configuration: the topics and fields that form an IMU.
 
+mod axes;
 mod temperature;
 
 use std::fmt;
@@ -9,6 +10,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
+pub use self::axes::AxesConfig;
 pub use self::temperature::{TemperatureConfig, TemperatureUnit};
 use crate::imu::preset::Preset;
 use crate::imu::schema::path::FieldPath;
@@ -113,6 +115,9 @@ pub struct VectorConfig<Unit> {
     /// Unit of the values; m/s² or rad/s if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<Unit>,
+    /// Axes that are the sensor's x, y and z; those of the same names if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<AxesConfig>,
 }
 
 /// Path to a vector.
@@ -193,6 +198,7 @@ struct Table<Unit> {
     path: Option<VectorPath>,
     plus: Option<FieldPath>,
     unit: Option<Unit>,
+    axes: Option<AxesConfig>,
 }
 
 impl<'de, Unit: Deserialize<'de> + Default> Deserialize<'de> for VectorConfig<Unit> {
@@ -208,22 +214,22 @@ impl<'de, Unit: Deserialize<'de> + Default> Visitor<'de> for Forms<Unit> {
     type Value = VectorConfig<Unit>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a path to a vector, three paths to numbers, or a table with topic, path, plus, unit")
+        f.write_str("a path to a vector, three paths to numbers, or a table with topic, path, plus, unit, axes")
     }
 
     fn visit_str<E: de::Error>(self, text: &str) -> Result<Self::Value, E> {
         let path = text.parse().map_err(E::custom)?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Whole(path)), plus: None, unit: None })
+        Ok(VectorConfig { path: Some(VectorPath::Whole(path)), ..VectorConfig::default() })
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
         let axes = Deserialize::deserialize(SeqAccessDeserializer::new(seq))?;
-        Ok(VectorConfig { topic: None, path: Some(VectorPath::Axes(axes)), plus: None, unit: None })
+        Ok(VectorConfig { path: Some(VectorPath::Axes(axes)), ..VectorConfig::default() })
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        let Table { topic, path, plus, unit } = Table::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(VectorConfig { topic, path, plus, unit })
+        let Table { topic, path, plus, unit, axes } = Table::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(VectorConfig { topic, path, plus, unit, axes })
     }
 }
 

@@ -16,6 +16,15 @@ pub struct Sample {
     pub value: Vector3<f64>,
 }
 
+impl Sample {
+    /// Whether a value can be a reading, in whatever unit: finite, and of a size that a converter's count may have.
+    pub fn is_reading(value: &Vector3<f64>) -> bool {
+        /// Largest magnitude of an axis.
+        const MOST: f64 = 1e12;
+        value.iter().all(|axis| axis.abs() <= MOST)
+    }
+}
+
 /// Information from one message about one triad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Reading {

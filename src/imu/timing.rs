@@ -1,9 +1,11 @@
-//! Correction of the readings' times before they are used: stamps that stand still, wrap or are implausible, and
-//! readings that arrive a little late. Larger gaps and delays are left to the segmenter.
+//! Correction of the readings' times before they are used: stamps that stand still, wrap, stray or are in another unit,
+//! and readings that arrive a little late. Larger gaps and delays are left to the segmenter.
 
+mod opening;
 mod order;
 mod read;
 mod stamps;
+mod strays;
 
 use std::collections::BTreeMap;
 
@@ -52,10 +54,10 @@ impl Timing {
 
     /// Releases all held readings at the end of the recording.
     pub fn finish(&mut self, sink: &mut impl FnMut(Read)) {
-        let Self { stamps, orders, .. } = self;
+        let Self { stamps, orders, late_nanos } = self;
         for (&(_, imu), stamps) in stamps {
             let Some(order) = orders.get_mut(imu.index()) else { continue };
-            stamps.finish(&mut |reading| order.pass(reading, sink));
+            stamps.finish(*late_nanos, &mut |reading| order.pass(reading, sink));
         }
         orders.iter_mut().for_each(|order| order.finish(sink));
     }
@@ -63,10 +65,15 @@ impl Timing {
     /// Corrections to the times of an IMU's readings, one line each.
     pub fn remarks(&self, imu: ImuId) -> Vec<String> {
         let stamps = self.stamps.iter().filter(|((_, own), _)| *own == imu);
-        let mut remarks: Vec<_> = stamps.flat_map(|(_, stamps)| stamps.remarks()).collect();
+        let mut remarks: Vec<_> = stamps.flat_map(|(_, stamps)| stamps.remarks(self.late_nanos)).collect();
         remarks.extend(self.orders.get(imu.index()).and_then(Order::remark));
         remarks
     }
+}
+
+/// Nanoseconds from log time `log` to `log_time`.
+fn since(log_time: u64, log: u64) -> i64 {
+    i64::try_from(i128::from(log_time) - i128::from(log)).unwrap_or(i64::MAX)
 }
 
 /// Number of leading readings up to the second one of a sensor.

@@ -36,7 +36,7 @@ struct Triad {
     factor: f64,
     /// Whether it has read anything but zeros.
     speaks: bool,
-    /// Number of readings that are not finite.
+    /// Number of readings that are none.
     refused: u64,
 }
 
@@ -100,7 +100,10 @@ impl Stream {
         let refused = [(&self.accelerometer, "accelerometer"), (&self.gyroscope, "gyroscope")].into_iter();
         let refused = refused.filter(|(triad, _)| triad.refused > 0);
         let refused = refused.map(|(triad, sensor)| {
-            format!("{name}, {sensor}: {} readings are NaN or infinite, and are left out", triad.refused)
+            format!(
+                "{name}, {sensor}: {} readings are NaN, infinite, or beyond what any sensor reads, and are left out",
+                triad.refused
+            )
         });
         self.log.extend(remarks.chain(refused).map(|text| (Level::Warning, printable(&text).into_owned())));
     }
@@ -121,10 +124,10 @@ impl Stream {
 }
 
 impl Triad {
-    /// A reading in m/s² or rad/s, unless it is not finite, or there were only zeros so far.
+    /// A reading in m/s² or rad/s, unless it cannot be one, or there were only zeros so far.
     fn admit(&mut self, value: &Vector3<f64>) -> Option<Vector3<f64>> {
         let value = value * self.factor;
-        if !value.iter().all(|axis| axis.is_finite()) {
+        if !Sample::is_reading(&value) {
             self.refused += 1;
             return None;
         }

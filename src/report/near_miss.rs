@@ -79,13 +79,11 @@ impl NearMisses {
             self.all.iter().filter(|miss| miss.end - miss.start >= LASTING).map(|miss| miss.lowest).collect();
         lasting.sort_by(f64::total_cmp);
         if self.all.iter().all(|miss| *middle < miss.enter) {
-            return Some(
-                "hold it still for two seconds or more: it was quiet enough, but not for long enough".to_owned(),
-            );
+            return Some("hold it still for longer: it was quiet enough, but not for long enough".to_owned());
         }
         // Thresholds take none that is over too soon.
         let Some(middle) = lasting.get(lasting.len() / 2) else {
-            return Some("hold it against something firm, or set it down, for two seconds or more".to_owned());
+            return Some("hold it against something firm, or set it down, for longer".to_owned());
         };
         let enter = (middle * 2.0).floor() / 2.0 + 0.5;
         Some(format!(

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::alternation::Phases;
 use super::moments::Moments;
 use super::saturation::ReadingRange;
+use super::sketch::{Sketch, Sketcher};
 use crate::Stamp;
 use crate::imu::Sensor;
 
@@ -73,6 +74,8 @@ pub struct TriadMean {
     pub extremes: ReadingRange,
     /// Number of samples that the driver reported as clipped.
     pub clipped: u64,
+    /// Sketch of the samples, by which copies are recognised.
+    pub sketch: Sketch,
 }
 
 impl TriadMean {
@@ -140,6 +143,7 @@ pub(super) struct Sums {
     time_products: Vector3<f64>,
     bounds: Option<(Stamp, Stamp)>,
     clipped: u64,
+    sketcher: Sketcher,
 }
 
 impl Sums {
@@ -159,11 +163,13 @@ impl Sums {
             time_products: Vector3::zeros(),
             bounds: None,
             clipped: 0,
+            sketcher: Sketcher::default(),
         }
     }
 
     pub(super) fn push(&mut self, stamp: Stamp, value: &Vector3<f64>) {
         self.all.push(value);
+        self.sketcher.push(value);
         let time = stamp.seconds_since(self.start);
         let before = time - self.time_mean;
         self.time_mean += before * self.all.share();
@@ -234,6 +240,7 @@ impl Sums {
             ends: self.ends.unwrap_or([self.all.mean(); 2]),
             extremes: self.extremes?,
             clipped: self.clipped,
+            sketch: self.sketcher.sketch(),
         })
     }
 

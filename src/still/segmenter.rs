@@ -140,9 +140,11 @@ impl Segmenter {
             }
         }
         match sensor {
-            Sensor::Accelerometer => self.judge(sample.stamp),
-            _ => Outcome::Taken,
+            Sensor::Accelerometer => return self.judge(sample.stamp),
+            Sensor::Gyroscope => self.judge_unseen(sample.stamp),
+            _ => {}
         }
+        Outcome::Taken
     }
 
     /// Marks the reading of a stamp as clipped, as reported by the driver; it counts in the rest that contains it.
@@ -221,6 +223,20 @@ impl Segmenter {
         self.tracks().map(|track| track.clock().breaks()).sum()
     }
 
+    /// Time for which the sensor must be held still for a rest that enters the fit, in whole seconds: its window must be
+    /// quiet before a rest is seen, and as much is taken off its end.
+    pub fn hold_s(&self) -> u32 {
+        /// Least time that people are told, s.
+        const LEAST: f64 = 2.0;
+        /// Share of a second that a hand is late.
+        const LATE: f64 = 0.1;
+        let Config { window_s, settle_s, min_fit_s, .. } = self.config;
+        let window = self.window_span().map_or(window_s, |span| span as f64 * 1e-9);
+        let period = self.accelerometer.clock().period().map_or(0.0, |period| period as f64 * 1e-9);
+        let needed = window + min_fit_s.max(settle_s) + 2.0 * period + LATE;
+        libm::ceil(needed.max(LEAST)) as u32
+    }
+
     /// Smallest step between two readings of one axis of the primary accelerometer, m/s².
     pub fn accel_step(&self) -> Option<f64> {
         self.accelerometer.step()
@@ -245,6 +261,19 @@ impl Segmenter {
             }
             Sensor::Secondary(i) => self.secondary.get_mut(i),
             Sensor::Reference(_) => None,
+        }
+    }
+
+    /// Ends a rest in which the gyroscope moves while the accelerometer is silent, as one is that reads NaN in motion.
+    fn judge_unseen(&mut self, now: Stamp) {
+        let leave = self.config.leave;
+        let is_loud = |track: &TriadTrack| track.statistic().is_some_and(|statistic| statistic > leave);
+        if self.phase == Phase::Still
+            && self.accelerometer.clock().is_overdue(now)
+            && self.gyroscope.as_ref().is_some_and(is_loud)
+        {
+            self.end_rest(End::Motion);
+            self.phase = Phase::Moving;
         }
     }
 
@@ -315,10 +344,11 @@ impl Segmenter {
 
     fn end_rest(&mut self, end: End) {
         if end == End::Gap {
-            // Nothing moved before the data ended, so nothing is trimmed.
-            let all = Stamp::from_nanos(i64::MAX);
-            self.tracks_mut().for_each(|track| track.commit(all));
-            self.thermometer.commit(all);
+            // Nothing moved before the accelerometer's readings ended, so nothing is trimmed. What others read after
+            // them is of no rest: the sensor may have moved unseen.
+            let end = self.accelerometer.last_stamp().unwrap_or(Stamp::from_nanos(i64::MAX));
+            self.tracks_mut().for_each(|track| track.commit(end));
+            self.thermometer.commit(end);
         }
         let span = self.accelerometer.open_bounds();
         let accelerometer = self.accelerometer.close();

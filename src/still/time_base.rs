@@ -86,6 +86,12 @@ impl TimeBase {
         self.period
     }
 
+    /// Whether a sample at this time would come after a gap.
+    pub fn is_overdue(&self, now: Stamp) -> bool {
+        let longest = self.period.map(|period| self.longest_interval(period));
+        self.last.zip(longest).is_some_and(|(last, longest)| now.since(last) > longest)
+    }
+
     /// Number of samples dropped for a repeated or backward stamp.
     pub fn dropped(&self) -> u64 {
         self.dropped

@@ -52,6 +52,7 @@ impl History {
     pub fn push(&mut self, sample: &Sample) {
         if let Some(stretch) = self.preintegrator.push(sample.stamp, &sample.value, &self.limit) {
             self.stretches.push_back(stretch);
+            self.forget_old_clocks();
             self.news = true;
             if self.stretches.len() > MOST_STRETCHES {
                 self.coarsen();
@@ -79,6 +80,7 @@ impl History {
         // Only the one before it can be inside, too, whatever was merged already.
         if let (Some(first), Some(second)) = (self.stretches.get(newest - 1), self.stretches.get(newest))
             && inside(first)
+            && !self.is_set_back(newest)
             // The first stretch of a rest stays, so that there is a boundary near its start.
             && newest > 1 && self.stretches.get(newest - 2).is_some_and(inside)
         {
@@ -92,12 +94,7 @@ impl History {
 
     /// Takes a finished rest; rests come in order.
     pub fn rest(&mut self, rest: &Rest) {
-        let Some(arrival) = self.stretches.iter().position(|stretch| stretch.start >= rest.start) else { return };
-        let departure = self.stretches.iter().take_while(|stretch| stretch.end <= rest.end).count();
-        if departure < arrival {
-            // Too short to locate its beginning and end.
-            return;
-        }
+        let Some((arrival, departure)) = self.place(rest) else { return };
         let mut inside = self.stretches.drain(..departure);
         let before: Vec<_> = inside.by_ref().take(arrival).collect();
         let resting = inside.reduce(|one, next| one.then(&next)).map(|resting| resting.integrals);
@@ -178,11 +175,56 @@ impl History {
         }
     }
 
+    /// Number of stretches before a rest, and with those in it; `None` where they are too few to locate its beginning
+    /// and end. After a clock was set back, its times may have been met before, and the latest count.
+    fn place(&self, rest: &Rest) -> Option<(usize, usize)> {
+        let mut end = self.stretches.len();
+        while end > 0 {
+            let begin = (1..end).rev().find(|&i| self.is_set_back(i)).unwrap_or(0);
+            let arrival = self.stretches.range(begin..end).position(|stretch| stretch.start >= rest.start);
+            let departure = self.stretches.range(begin..end).take_while(|stretch| stretch.end <= rest.end).count();
+            if let Some(arrival) = arrival.filter(|arrival| departure >= *arrival) {
+                return Some((begin + arrival, begin + departure));
+            }
+            end = begin;
+        }
+        None
+    }
+
+    /// Whether the clock was set back before a stretch.
+    fn is_set_back(&self, stretch: usize) -> bool {
+        let before = stretch.checked_sub(1).and_then(|before| self.stretches.get(before));
+        before.zip(self.stretches.get(stretch)).is_some_and(|(before, after)| after.start < before.end)
+    }
+
+    /// Drops stretches from before the clock was set back twice: no rest to come is among them.
+    fn forget_old_clocks(&mut self) {
+        let last = self.stretches.len().saturating_sub(1);
+        if self.is_set_back(last)
+            && let Some(first) = (1..last).find(|&i| self.is_set_back(i))
+        {
+            self.stretches.drain(..first);
+            self.left = None;
+        }
+    }
+
     /// Merges stretches in pairs, and makes those to come as long.
     fn coarsen(&mut self) {
-        let pairs: Vec<_> = self.stretches.drain(..).collect();
-        let both = |pair: &[Stretch]| pair.iter().copied().reduce(|one, next| one.then(&next));
-        self.stretches.extend(pairs.chunks(2).filter_map(both));
+        let mut single = false;
+        let mut coarser: VecDeque<Stretch> = VecDeque::with_capacity(self.stretches.len());
+        for stretch in self.stretches.drain(..) {
+            match coarser.back_mut().filter(|last| single && stretch.start >= last.end) {
+                Some(last) => {
+                    *last = last.then(&stretch);
+                    single = false;
+                }
+                None => {
+                    coarser.push_back(stretch);
+                    single = true;
+                }
+            }
+        }
+        self.stretches = coarser;
         self.limit = Limit { path: 2.0 * self.limit.path, seconds: 2.0 * self.limit.seconds };
     }
 }

@@ -194,6 +194,81 @@ fn readings_that_come_a_little_late_are_sorted() {
 }
 
 #[test]
+fn a_wrong_stamp_here_and_there_costs_nothing() {
+    const HOUR: i64 = 3_600_000_000_000;
+    type Wrong = fn(i64) -> i64;
+    let wrong: [Wrong; 5] = [|t| t + HOUR, |t| t + 2400 * HOUR, |t| t - HOUR, |_| 0, |_| -5_000_000_000];
+    for (case, wrong) in wrong.into_iter().enumerate() {
+        for places in [&[1000][..], &[460], &[1000, 1001], &[1000, 1500, 2000, 2100, 2200, 2300], &[2999]] {
+            let said =
+                learns_the_truth(&stamped(|i, t| if places.contains(&i) { wrong(t) } else { t }), MAPPED, GYRO_BIAS);
+            assert!(said.contains("have a stamp far from those around"), "{case} {places:?}: {said}");
+            assert!(!said.contains("make no sense") && !said.contains("jumped"), "{case} {places:?}: {said}");
+        }
+    }
+}
+
+#[test]
+fn readings_that_come_too_late_are_told_by_how_much_and_sorted_in_once_that_is_set() {
+    for (late, enough) in [(30, "0.4"), (45, "0.5"), (400, "4.1")] {
+        // Every tenth comes as many samples late.
+        let mut order: Vec<_> = six_faces().into_iter().enumerate().collect();
+        order.sort_by_key(|(i, _)| 2 * if i % 10 == 3 { i + late } else { *i } + usize::from(i % 10 == 3));
+        let messages = order.iter().enumerate();
+        let messages = messages.map(|(i, (_, m))| ("/imu", START + i as i64 * 10_000_000, both(m, START + m.at)));
+        let bytes = recording(messages);
+        let said = learns_the_truth(&bytes, MAPPED, GYRO_BIAS);
+        let words = format!("still.late_s = {enough}");
+        assert!(said.contains(&words) && !said.contains("make no sense"), "{late}: {said}");
+        let folder = Folder::new();
+        folder.write("a.mcap", &bytes);
+        let set = format!("still.late_s={enough}");
+        let run = folder.run(["annotate", "a.mcap", "-o", "b.mcap", "--json", "--set", MAPPED, "--set", &set]).ok();
+        is_true(&run.json(), GYRO_BIAS);
+        let said = run.stderr;
+        assert!(said.contains("were sorted in") && !said.contains("left out"), "{late}: {said}");
+        assert!(!said.contains("dropped"), "{late}: {said}");
+    }
+}
+
+#[test]
+fn stamps_in_another_unit_are_told_and_the_log_times_serve() {
+    type Read = fn(i64) -> i64;
+    let units: [(Read, &str, &str); 5] = [
+        (|t| t / 1000, "1000 times slower", "as microseconds in a field of nanoseconds"),
+        (|t| t / 1_000_000, "1000 · 1000 times slower", "as milliseconds in a field of nanoseconds"),
+        (|t| t / 1_000_000_000, "1000 · 1000 · 1000 times slower", "as seconds in a field of nanoseconds"),
+        (|t| (t - START) * 1000 + 5, "1000 times faster", "as nanoseconds in a field of microseconds"),
+        (|t| 77_000_000_000 + (t - START) / 1000, "1000 times slower", "as microseconds"),
+    ];
+    for (read, pace, unit) in units {
+        let said = learns_the_truth(&stamped(|_, t| read(t)), MAPPED, GYRO_BIAS);
+        assert!(said.contains(pace) && said.contains(unit), "no {pace:?} and {unit:?} in {said}");
+        assert!(said.contains("the log times are used") && !said.contains("make no sense"), "{said}");
+    }
+}
+
+#[test]
+fn axes_that_are_set_are_read_in_their_order() {
+    let swapped = six_faces().into_iter().map(|m| {
+        let (t, g) = (START + m.at, m.gyro);
+        ("/imu", t, both(&Measured { gyro: Vector3::new(-g.y, g.x, g.z), ..m }, t))
+    });
+    let bytes = recording(swapped);
+    let set = r#"imu=[{topic="/imu", accel="a", gyro={path="g", axes=["y", "-x", "z"]}}]"#;
+    learns_the_truth(&bytes, set, GYRO_BIAS);
+    let folder = Folder::new();
+    folder.write("a.mcap", &bytes);
+    let run = folder.run([
+        "annotate",
+        "a.mcap",
+        "--set",
+        r#"imu=[{topic="/imu", accel="a", gyro={path="g", axes=["y", "y", "z"]}}]"#,
+    ]);
+    assert!(run.code == 1 && run.stderr.contains("each once"), "{}", run.stderr);
+}
+
+#[test]
 fn an_accelerometer_and_a_gyroscope_one_behind_the_other_are_read_in_time_order() {
     let mapping = r#"imu=[{topic="/a", accel="a", gyro={topic="/g", path="g"}}]"#;
     let part =

@@ -536,6 +536,20 @@ fn json_without_a_schema_is_known_from_its_first_message() {
 }
 
 #[test]
+fn axes_that_are_set_are_taken_in_their_order_and_written_back_in_the_messages_own() {
+    let mut door = Door::new("[[imu]]\ntopic = '/imu'\ngyro = { axes = ['y', '-x', 'z'] }");
+    door.channel(1, "/imu", &imu_schema());
+    let data = imu_message((1, 0), "link");
+    door.message(1, 1, &data);
+    assert_eq!(door.samples[0].2.value.as_slice(), [0.2, -0.1, 0.3]);
+    assert_eq!(door.samples[1].2.value.as_slice(), [1.0, 2.0, 9.8]);
+    let change = |_, sensor, _| (sensor == Gyroscope).then_some([4.0, 5.0, 6.0].into());
+    let rewritten = door.intake.rewrite(1, &data, change);
+    let expected = message((1, 0), "link", &[-5.0, 4.0, 6.0, 0.0, 1.0, 2.0, 9.8, 0.0]);
+    assert!(rewritten == [("/imu", expected)], "{rewritten:?}");
+}
+
+#[test]
 fn numbers_called_like_axes_are_offered_as_vectors() {
     let text = "std_msgs/Header header\nfloat64 ax\nfloat64 ay\nfloat64 az\nfloat64 gx\nfloat64 gy\nfloat64 gz\n";
     let mut door = Door::new("");

@@ -24,6 +24,7 @@ mod recognised;
 mod rests;
 mod rotations;
 mod status;
+mod streams;
 mod thesis;
 mod turn_messages;
 mod turns;

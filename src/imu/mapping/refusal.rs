@@ -13,7 +13,7 @@ pub enum Cause {
     Malformed,
     /// The log time is beyond the year 2262.
     LogTime,
-    /// NaN, infinity, or missing in the message.
+    /// NaN, infinity, beyond any reading, or missing in the message.
     NotFinite,
     /// Marked as not measured: `covariance[0]` is −1.
     NotMeasured,
@@ -45,7 +45,7 @@ impl fmt::Display for Cause {
         f.write_str(match self {
             Self::Malformed => "the payload is not what the schema says",
             Self::LogTime => "the log time lies beyond the year 2262",
-            Self::NotFinite => "NaN, infinity, or not in the message",
+            Self::NotFinite => "NaN, infinity, beyond what any sensor reads, or not in the message",
             Self::NotMeasured => "marked as not measured (covariance[0] is -1); if its driver measures all the same, map the topic with covariance = \"ignore\"",
             Self::NoTime => "an increment over no time",
             Self::Zero => "exactly zero from the start, taken as absent",

@@ -1,7 +1,7 @@
 //! Request for a vector in the messages of one topic.
 
 use super::known_types::KnownVector;
-use crate::imu::config::VectorPath;
+use crate::imu::config::{AxesConfig, VectorPath};
 use crate::imu::sample::Sensor;
 use crate::imu::schema::path::FieldPath;
 
@@ -16,6 +16,8 @@ pub(in crate::imu) struct Request<'a> {
     pub(in crate::imu) known: Option<&'a KnownVector>,
     /// Path of a vector that is added to it.
     pub(in crate::imu) plus: Option<&'a FieldPath>,
+    /// Its axes that are the sensor's.
+    pub(in crate::imu) axes: AxesConfig,
     /// Whether it is used although its `covariance[0]` is −1.
     pub(in crate::imu) ignores_covariance: bool,
     pub(in crate::imu) factor: f64,
@@ -33,6 +35,7 @@ impl<'a> Request<'a> {
             path: None,
             known: Some(known),
             plus: None,
+            axes: AxesConfig::default(),
             ignores_covariance: false,
             factor: 1.0,
             with_accel: false,

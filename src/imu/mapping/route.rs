@@ -17,9 +17,10 @@ use super::request::Request;
 use super::thermometer::{TemperatureRequest, Thermometer};
 use super::time_source::{StampFields, TimeSource};
 use crate::Stamp;
+use crate::imu::config::AxesConfig;
 use crate::imu::decode::Decoder;
 use crate::imu::decode::malformed::Malformed;
-use crate::imu::sample::{ImuId, Sensor};
+use crate::imu::sample::{ImuId, Sample, Sensor};
 use crate::imu::schema::layout::{Layout, Place};
 use crate::imu::schema::path::FieldPath;
 
@@ -59,6 +60,8 @@ pub(in crate::imu) struct Tap {
     pub(in crate::imu) with_accel: bool,
     pub(in crate::imu) counts: Counts,
     factor: f64,
+    /// Its axes that are the sensor's.
+    order: AxesConfig,
     /// Index of its x; y and z follow.
     at: usize,
     /// Index of the x of a vector that is added; y and z follow.
@@ -133,10 +136,11 @@ impl Route {
                 sensor: request.sensor,
                 name: request.name.to_owned(),
                 path: path.to_string(),
-                axes: axes.map(|axis| axis.to_string()),
+                axes: request.axes.in_order(&axes).map(|axis| axis.to_string()),
                 with_accel: request.with_accel,
                 counts: Counts::default(),
                 factor: request.factor,
+                order: request.axes,
                 at,
                 plus,
                 covariance: covariance.filter(|_| !request.ignores_covariance).map(|place| add(Some(place))),
@@ -203,8 +207,8 @@ impl Route {
         }
         let read = Vector3::new(x, y, z);
         let factor = self.number(tap.scale).map_or(tap.factor, |scale| tap.factor * scale);
-        let value = self.added(tap).map_or(read, |added| read + added) * (factor / seconds);
-        if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
+        let value = tap.order.apply(&self.added(tap).map_or(read, |added| read + added)) * (factor / seconds);
+        if Sample::is_reading(&value) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
     /// Temperature in the last message, °C.
@@ -231,7 +235,7 @@ impl Route {
         for tap in &self.taps {
             let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
             let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
-            let own = value / (tap.factor / seconds);
+            let own = tap.order.undo(&value) / (tap.factor / seconds);
             let own = self.added(tap).map_or(own, |added| own - added);
             changes.extend(own.iter().enumerate().map(|(axis, &value)| (tap.at + axis, value)));
         }

@@ -175,12 +175,16 @@ impl<Unit: Copy> VectorConfig<Unit> {
         });
         let unit = self.unit.map(|unit| format!("unit = {}", quoted(name(unit))));
         let plus = self.plus.as_ref().map(|path| format!("plus = {}", quoted(&path.to_string())));
-        match (&self.topic, path, plus, unit) {
-            (None, Some(path), None, None) => path,
-            (topic, path, plus, unit) => {
+        let axes = self.axes.map(|axes| {
+            let names = <[String; 3]>::from(axes).map(|name| quoted(&name));
+            format!("axes = [{}]", names.join(", "))
+        });
+        match (&self.topic, path, plus, unit, axes) {
+            (None, Some(path), None, None, None) => path,
+            (topic, path, plus, unit, axes) => {
                 let topic = topic.as_ref().map(|topic| format!("topic = {}", quoted(topic)));
                 let path = path.map(|path| format!("path = {path}"));
-                let entries: Vec<_> = [topic, path, plus, unit].into_iter().flatten().collect();
+                let entries: Vec<_> = [topic, path, plus, unit, axes].into_iter().flatten().collect();
                 format!("{{ {} }}", entries.join(", "))
             }
         }

@@ -1,4 +1,7 @@
-//! Stamps of the messages of one channel that stand still, wrap or are implausible.
+//! Stamps of the messages of one channel that stand still, wrap, stray or are in another unit.
+//!
+//! A stamp that does not go on from those before it waits for the next ones. If these go on, it is a single wrong one,
+//! which the log time replaces, or its reading is late. If they go on from it, the clock was set.
 //!
 //! A reading with a repeated stamp is a duplicate if its values are the same. If they differ, the clock is coarse or
 //! stuck, or a batch was stamped at once: the readings with one stamp are spread over the step to the next stamp. If no
@@ -6,7 +9,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::opening::{Opening, Pace, Stamped};
 use super::read::Read;
+use super::since;
+use super::strays::{Course, Point, Stray, Strays, agrees, goes_on};
 use crate::Stamp;
 use crate::imu::sample::{Reading, Sample};
 
@@ -14,10 +20,10 @@ use crate::imu::sample::{Reading, Sample};
 const STUCK: i64 = 2_500_000_000;
 /// Largest number of held messages with one stamp.
 const MOST_HELD: usize = 1 << 14;
-/// Stamps are implausible if they contradict the log time this often, and in one of so many messages.
+/// Stamps are implausible if their course is broken this often, and in one of so many messages.
 const SENSELESS: u64 = 5;
 const SENSELESS_ONCE_IN: u64 = 2000;
-/// Largest excess of a stamp's step over the log time's, ns. More contradicts the log time.
+/// Largest deviation of a stamp's step from the log time's over a wrap, ns.
 const AHEAD: i64 = 500_000_000;
 /// Ranges of 32-bit counters of milliseconds, microseconds and nanoseconds, in ns.
 const WRAPS: [i64; 3] = [(1 << 32) * 1_000_000, (1 << 32) * 1000, 1 << 32];
@@ -25,14 +31,18 @@ const WRAPS: [i64; 3] = [(1 << 32) * 1_000_000, (1 << 32) * 1000, 1 << 32];
 /// Tracker of the stamps of one IMU on one channel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Stamps {
+    opening: Opening,
+    /// Pace of the stamps, once known.
+    pace: Option<Pace>,
     /// Sum of all wraps so far, ns.
     wrapped: i64,
-    /// Unwrapped stamp of the last message, ns, and its log time.
-    last: Option<(i64, u64)>,
+    /// Newest stamp of the course, unwrapped, ns, and its log time.
+    last: Option<Point>,
+    strays: Strays,
     /// Readings of the first message with the current stamp. Those of later messages with this stamp are in `held`.
     first: Vec<Read>,
     /// Stamp and log time of the first message.
-    begun: (i64, u64),
+    begun: Point,
     held: Vec<(u64, Vec<Read>)>,
     /// Number of repeats of the first message that were not held.
     repeated: u64,
@@ -40,7 +50,7 @@ pub(super) struct Stamps {
     /// Last step between two stamps, ns.
     step: i64,
     /// Stamp and log time from which on stamps are computed from the log time.
-    by_log: Option<(i64, u64)>,
+    by_log: Option<Point>,
     senseless: u64,
     messages: u64,
     counts: StampCounts,
@@ -53,6 +63,13 @@ struct StampCounts {
     spread: u64,
     logged: u64,
     wraps: u64,
+    /// Messages with a single wrong stamp, those of them whose log time did not serve, and how far the first is off, ns.
+    wrong: u64,
+    left_out: u64,
+    off: i64,
+    /// Messages that came too late, and the largest lateness, ns.
+    late: u64,
+    latest: i64,
 }
 
 impl Stamps {
@@ -60,38 +77,26 @@ impl Stamps {
     pub(super) fn pass(&mut self, log_time: u64, readings: &[Read], late_nanos: i64, sink: &mut impl FnMut(Read)) {
         let Some(stamp) = readings.iter().find_map(|(.., reading)| stamp_of(reading)) else { return };
         self.messages += 1;
-        if let Some((stamp, log)) = self.by_log {
-            self.counts.logged += 1;
-            return tell(readings, stamp.saturating_add(since(log_time, log)), sink);
+        if self.pace.is_some() {
+            return self.follow(stamp.nanos(), log_time, readings, late_nanos, sink);
         }
-        let raw = self.unwrapped(stamp.nanos(), log_time);
-        match self.last {
-            Some((last, _)) if last == raw && !self.first.is_empty() => return self.stand(log_time, readings, sink),
-            Some((last, log)) => {
-                self.leave(raw, log_time, sink);
-                let (interval, logged) = (raw.saturating_sub(last), since(log_time, log));
-                if interval < -late_nanos.max(1) || interval > logged.saturating_add(AHEAD) {
-                    self.senseless += 1;
-                    if self.senseless >= SENSELESS && self.senseless * SENSELESS_ONCE_IN >= self.messages {
-                        self.by_log = Some((last.saturating_add(logged), log_time));
-                        self.counts.logged += 1;
-                        return tell(readings, last.saturating_add(logged), sink);
-                    }
-                } else if interval > 0 {
-                    self.step = interval;
-                }
-            }
-            None => {}
+        self.opening.hold(stamp.nanos(), log_time, readings);
+        if let Some(pace) = self.opening.pace() {
+            self.open(pace, late_nanos, sink);
         }
-        self.last = Some((raw, log_time));
-        self.begun = (raw, log_time);
-        self.first.clear();
-        self.first.extend_from_slice(readings);
-        tell(readings, raw, sink);
     }
 
     /// Releases all held readings at the end of the recording.
-    pub(super) fn finish(&mut self, sink: &mut impl FnMut(Read)) {
+    pub(super) fn finish(&mut self, late_nanos: i64, sink: &mut impl FnMut(Read)) {
+        if self.pace.is_none() {
+            self.open(self.opening.last_pace(), late_nanos, sink);
+        }
+        for stray in self.strays.take() {
+            match self.last.filter(|last| agrees(*last, (stray.stamp, stray.log_time))) {
+                Some(_) => self.advance(stray.stamp, stray.log_time, &stray.readings, sink),
+                None => self.leave_out(&stray),
+            }
+        }
         let (stamp, log) = self.begun;
         let last = self.held.last().map_or(log, |(log, _)| *log);
         let step = if self.step > 0 { self.step } else { since(last, log) };
@@ -99,23 +104,177 @@ impl Stamps {
     }
 
     /// Corrections, one line each.
-    pub(super) fn remarks(&self) -> impl Iterator<Item = String> {
-        let StampCounts { repeats, spread, logged, wraps } = self.counts;
+    pub(super) fn remarks(&self, late_nanos: i64) -> impl Iterator<Item = String> {
+        let StampCounts { repeats, spread, logged, wraps, wrong, left_out, off, late, latest } = self.counts;
         let share = |count: u64| {
             format!("{count} of {} messages ({:.1} %)", self.messages, 100.0 * count as f64 / self.messages as f64)
         };
         let line = |count: u64, text: &str| (count > 0).then(|| format!("{} {text}", share(count)));
+        let by_log = match self.pace {
+            Some(Pace::Thousands(power)) => Some(in_another_unit(power)),
+            _ => line(logged, "have stamps that stand still or make no sense: their log time is used"),
+        };
+        let left_out = match left_out {
+            0 => String::new(),
+            count => format!("; {count} of them are left out, for it does not fit"),
+        };
+        let off = time(off);
+        let wrong = line(
+            wrong,
+            &format!("have a stamp far from those around it (the first by {off}): their log time is used{left_out}"),
+        );
         [
             line(repeats, "repeat a reading under its stamp, and count once"),
             line(
                 spread,
                 "differ under one stamp: a coarse clock, or a batch; their times are spread up to the next stamp",
             ),
-            line(logged, "have stamps that stand still or make no sense: their log time is used"),
+            by_log,
             (wraps > 0).then(|| format!("the stamps are of 32 bits and wrapped {wraps} times: they are continued")),
+            wrong,
+            line(late, &too_late(latest, late_nanos)),
         ]
         .into_iter()
         .flatten()
+    }
+
+    /// Begins the course, once the pace is known.
+    fn open(&mut self, pace: Pace, late_nanos: i64, sink: &mut impl FnMut(Read)) {
+        self.pace = Some(pace);
+        let held = self.opening.take();
+        if let (Pace::Thousands(_), Some((_, log, _))) = (pace, held.first()) {
+            self.by_log = Some((Stamp::from_log_time(*log).nanos(), *log));
+        }
+        let point = |message: &Stamped| (message.0, message.1);
+        let is_wrong = |pair: &&[Stamped]| !goes_on(point(&pair[0]), point(&pair[1]), 0, late_nanos);
+        // A wrong stamp at the very beginning is none to go on from.
+        let wrong = held.windows(2).take_while(is_wrong).count();
+        let begin = if self.by_log.is_some() || wrong + 1 >= held.len() { 0 } else { wrong };
+        for (i, (stamp, log_time, readings)) in held.into_iter().enumerate() {
+            if i < begin {
+                self.leave_out(&Stray { recorded: stamp, stamp, log_time, readings });
+            } else {
+                self.follow(stamp, log_time, &readings, late_nanos, sink);
+            }
+        }
+    }
+
+    /// Handles a message after the opening.
+    fn follow(
+        &mut self,
+        recorded: i64,
+        log_time: u64,
+        readings: &[Read],
+        late_nanos: i64,
+        sink: &mut impl FnMut(Read),
+    ) {
+        if let Some((stamp, log)) = self.by_log {
+            self.counts.logged += 1;
+            return tell(readings, stamp.saturating_add(since(log_time, log)), sink);
+        }
+        let stamp = self.unwrapped(recorded, log_time);
+        let stands = stamp == self.begun.0 && !self.first.is_empty();
+        if let Some(last) =
+            self.last.filter(|last| !stands && !goes_on(*last, (stamp, log_time), self.step, late_nanos))
+        {
+            let stray = Stray { recorded, stamp, log_time, readings: readings.to_vec() };
+            return match self.strays.hold(stray, last, self.step, late_nanos) {
+                Course::Unknown => {}
+                Course::New(first) => self.set(last, first, late_nanos, sink),
+                Course::Senseless => self.give_up(last, sink),
+            };
+        }
+        if !self.strays.is_empty() {
+            self.pass_strays(stamp, sink);
+        }
+        match stands {
+            true => self.stand(log_time, readings, sink),
+            false => {
+                self.leave(stamp, log_time, sink);
+                self.advance(stamp, log_time, readings, sink);
+            }
+        }
+    }
+
+    /// Passes a message on the course.
+    fn advance(&mut self, stamp: i64, log_time: u64, readings: &[Read], sink: &mut impl FnMut(Read)) {
+        match self.last {
+            // It is late, and will be sorted in.
+            Some((last, _)) if stamp < last => {}
+            last => {
+                self.step = last.map_or(0, |(last, _)| stamp.saturating_sub(last));
+                self.last = Some((stamp, log_time));
+            }
+        }
+        self.begun = (stamp, log_time);
+        self.first.clear();
+        self.first.extend_from_slice(readings);
+        tell(readings, stamp, sink);
+    }
+
+    /// Handles the held messages off the course after it has gone on to `next`: each by itself is wrong, or late.
+    fn pass_strays(&mut self, next: i64, sink: &mut impl FnMut(Read)) {
+        let Some((last, log)) = self.last else { return };
+        let mut before = last;
+        for stray in self.strays.take() {
+            let stamp = last.saturating_add(since(stray.log_time, log));
+            if stray.lateness(last).is_none() && self.held.is_empty() && before < stamp && stamp < next {
+                self.count_wrong(&stray, last);
+                before = stamp;
+                tell(&stray.readings, stamp, sink);
+            } else {
+                self.leave_out(&stray);
+            }
+        }
+    }
+
+    fn leave_out(&mut self, stray: &Stray) {
+        let newest = self.last.map(|(last, _)| last);
+        match newest.and_then(|newest| stray.lateness(newest)) {
+            Some(late) => {
+                self.counts.late += 1;
+                self.counts.latest = self.counts.latest.max(late);
+            }
+            None => {
+                self.counts.left_out += 1;
+                self.count_wrong(stray, newest.unwrap_or(stray.stamp));
+            }
+        }
+    }
+
+    fn count_wrong(&mut self, stray: &Stray, last: i64) {
+        if self.counts.wrong == 0 {
+            self.counts.off = stray.stamp.saturating_sub(last);
+        }
+        self.counts.wrong += 1;
+    }
+
+    /// Handles a clock that was set: the held messages from `first` on are a course of their own.
+    fn set(&mut self, last: Point, first: usize, late_nanos: i64, sink: &mut impl FnMut(Read)) {
+        let mut strays = self.strays.take();
+        let course = strays.split_off(first);
+        strays.iter().for_each(|stray| self.leave_out(stray));
+        let Some(begun) = course.first().map(|stray| (stray.stamp, stray.log_time)) else { return };
+        self.senseless += u64::from(!agrees(last, begun));
+        if self.senseless >= SENSELESS && self.senseless * SENSELESS_ONCE_IN >= self.messages {
+            self.strays = Strays::from(course);
+            return self.give_up(last, sink);
+        }
+        self.leave(begun.0, begun.1, sink);
+        self.last = None;
+        for Stray { recorded, log_time, readings, .. } in course {
+            self.follow(recorded, log_time, &readings, late_nanos, sink);
+        }
+    }
+
+    /// Uses the log time from the held messages on.
+    fn give_up(&mut self, (last, log): Point, sink: &mut impl FnMut(Read)) {
+        self.leave(last.saturating_add(self.step), log, sink);
+        self.by_log = Some((last, log));
+        for Stray { log_time, readings, .. } in self.strays.take() {
+            self.counts.logged += 1;
+            tell(&readings, last.saturating_add(since(log_time, log)), sink);
+        }
     }
 
     /// Handles another message with the same stamp.
@@ -185,11 +344,6 @@ impl Stamps {
     }
 }
 
-/// Nanoseconds from log time `log` to `log_time`.
-fn since(log_time: u64, log: u64) -> i64 {
-    i64::try_from(i128::from(log_time) - i128::from(log)).unwrap_or(i64::MAX)
-}
-
 fn stamp_of(reading: &Reading) -> Option<Stamp> {
     match reading {
         Reading::Sample(Sample { stamp, .. }) => Some(*stamp),
@@ -219,5 +373,45 @@ fn tell(readings: &[Read], nanos: i64, sink: &mut impl FnMut(Read)) {
             Reading::NewRound { log_time, .. } => Reading::NewRound { stamp, log_time },
         };
         sink((imu, sensor, reading));
+    }
+}
+
+/// Text on stamps that run 1000 to this power times as fast as the log.
+fn in_another_unit(power: i32) -> String {
+    const UNITS: [&str; 4] = ["nanoseconds", "microseconds", "milliseconds", "seconds"];
+    let unit = |at: i32| usize::try_from(at).ok().and_then(|at| UNITS.get(at)).copied();
+    let times = format!(
+        "1000{}",
+        ["", " · 1000", " · 1000 · 1000"].get(power.unsigned_abs() as usize - 1).unwrap_or(&" and more")
+    );
+    let (pace, seem, change) = match power < 0 {
+        true => ("slower", unit(-power).zip(unit(0)), "Multiply"),
+        false => ("faster", unit(0).zip(unit(power)), "Divide"),
+    };
+    let seem = seem.map_or_else(String::new, |(read, taken)| format!(", as {read} in a field of {taken} do"));
+    format!(
+        "the stamps run {times} times {pace} than the log times beside them{seem}: the log times are used. {change} the stamps by \
+         {times} where they are written, to have the sensor's own times"
+    )
+}
+
+/// Text on readings that came later than `still.late_s` allows.
+fn too_late(latest: i64, late_nanos: i64) -> String {
+    let seconds = latest as f64 * 1e-9;
+    // The next tenth of a second is enough, and 10 s is the most that can be set.
+    let enough = ((seconds * 10.0).floor() / 10.0 + 0.1).min(10.0);
+    format!(
+        "came late by up to {seconds:.2} s, more than still.late_s = {} allows, and are left out: set still.late_s = {enough:.1} \
+         to have them sorted in",
+        late_nanos as f64 * 1e-9
+    )
+}
+
+/// Length of time in words.
+fn time(nanos: i64) -> String {
+    let seconds = nanos.unsigned_abs() as f64 * 1e-9;
+    match seconds {
+        ..172_800.0 => format!("{seconds:.1} s"),
+        _ => format!("{:.0} days", seconds / 86_400.0),
     }
 }

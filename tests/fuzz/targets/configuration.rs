@@ -126,6 +126,7 @@ const KEYS: &[&str] = &[
     "accel",
     "gyro",
     "temperature",
+    "gyro.axes",
     "covariance",
     "preset",
     "model",
