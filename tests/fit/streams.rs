@@ -244,7 +244,8 @@ fn a_rest_as_long_as_is_asked_for_is_accepted_at_every_rate() {
             assert_eq!(short.rests, 0, "{context}");
             for text in short.rejections.iter().chain([&short.next_step]).filter(|text| text.contains(" for ")) {
                 let outcome = through(seconds(text));
-                assert!(outcome.rests >= 6, "{context}: {text:?}, and then {:?}", outcome.rejections);
+                let (found, why) = (outcome.rests, (&outcome.next_step, &outcome.rejections));
+                assert!(found >= 6, "{context}: {text:?}, and then {found} rests, {why:?}");
             }
             assert!(short.next_step.contains(" for "), "{context}: {}", short.next_step);
         }
@@ -362,15 +363,16 @@ fn real_recordings_repeat_nothing() {
     ] {
         let Some(path) = recording(name) else { return };
         let samples = real_samples(&path);
-        assert!(!learn(&samples, config()).says("noise and all"), "{name}");
-        // Played once more, every one does in which a rest has readings enough to tell it from others.
+        let once = learn(&samples, config());
+        assert!(!once.says("noise and all"), "{name}");
+        // Played once more, every one does that rests now and then, and long enough to tell one rest from others.
         let [first, last] = [samples.first(), samples.last()].map(|sample| sample.unwrap().1.stamp);
         let later = last.since(first) + 10_000_000_000;
         let again = samples.iter().map(|(sensor, sample)| {
             (*sensor, Sample { stamp: Stamp::from_nanos(sample.stamp.nanos() + later), ..*sample })
         });
         let twice: Vec<_> = samples.iter().copied().chain(again.skip(3)).collect();
-        let outcome = learn(&twice, config());
-        assert_eq!(outcome.longest >= 60, outcome.says("noise and all"), "{name}: {}", outcome.longest);
+        let rests_often = once.rests >= 4 && once.longest >= 60;
+        assert!(!rests_often || learn(&twice, config()).says("noise and all"), "{name}");
     }
 }

@@ -1,7 +1,7 @@
 //! Readings of one IMU, sorted by stamp if they arrive a little late.
 //!
 //! Readings are held back at the beginning, so that the first late ones are not lost. Once [`CALM`] readings have
-//! arrived in order, none is held back until one is late.
+//! arrived in order, over twice the allowed delay or more, none is held back until one is late.
 
 use std::collections::VecDeque;
 
@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
+use crate::plural::counted;
 
 /// Number of readings in order after which none is held back any more.
 const CALM: u32 = 200;
@@ -25,6 +26,8 @@ pub(super) struct Order {
     /// Whether a reading was ever late.
     ever: bool,
     calm: u32,
+    /// First stamp, ns.
+    first: Option<i64>,
     /// Queues by sensor.
     queues: Vec<HeldBack>,
     count: u64,
@@ -51,6 +54,7 @@ impl Order {
             holds: late_nanos > 0,
             ever: false,
             calm: 0,
+            first: None,
             queues: Vec::new(),
             count: 0,
             log_time: 0,
@@ -102,7 +106,9 @@ impl Order {
             false => newest.max(stamp).saturating_sub(self.late_nanos),
         };
         self.calm += 1;
-        if self.calm >= CALM && !self.ever {
+        let first = *self.first.get_or_insert(stamp);
+        let is_long = newest.max(stamp).saturating_sub(first) >= self.late_nanos.saturating_mul(2);
+        if self.calm >= CALM && is_long && !self.ever {
             self.holds = false;
             return self.let_go(None, sink);
         }
@@ -116,13 +122,14 @@ impl Order {
 
     /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
-        let ms = self.late_nanos as f64 * 1e-6;
+        let ms = (self.late_nanos as f64 * 1e-3).round() * 1e-3;
         (self.moved + self.lost > 0).then(|| {
             let lost = match self.lost {
                 0 => String::new(),
-                lost => format!("; {lost} came before that was expected, and are dropped"),
+                lost => format!("; {} came before that was expected, and are dropped", counted(lost, "reading")),
             };
-            format!("{} readings came late by up to {ms} ms (still.late_s) and were sorted in{lost}", self.moved)
+            let moved = counted(self.moved, "reading");
+            format!("{moved} came late by up to {ms} ms (still.late_s) and were sorted in{lost}")
         })
     }
 

@@ -116,12 +116,15 @@ impl Stamps {
         };
         let left_out = match left_out {
             0 => String::new(),
-            count => format!("; {count} of them are left out, for it does not fit"),
+            count => format!(
+                "; where it does not fit, {} left out",
+                if count == 1 { "one is".to_owned() } else { format!("{count} are") }
+            ),
         };
         let off = time(off);
         let wrong = line(
             wrong,
-            &format!("have a stamp far from those around it (the first by {off}): their log time is used{left_out}"),
+            &format!("with a stamp far from those around it (the first by {off}): the log time is used{left_out}"),
         );
         [
             line(repeats, "repeat a reading under its stamp, and count once"),
@@ -403,7 +406,7 @@ fn too_late(latest: i64, late_nanos: i64) -> String {
     format!(
         "came late by up to {seconds:.2} s, more than still.late_s = {} allows, and are left out: set still.late_s = {enough:.1} \
          to have them sorted in",
-        late_nanos as f64 * 1e-9
+        (late_nanos as f64 * 1e-3).round() * 1e-6
     )
 }
 
