@@ -1,7 +1,8 @@
 //! Reading of the summary ahead of time, and the return to the data.
 
+use super::Scan;
 use super::early_summary::{Asking, EarlySummary};
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::Stop;
 
 impl Scan {
@@ -25,16 +26,16 @@ impl Scan {
         };
         self.horizon.seek(asking.back);
         self.stage = Stage::Record;
-        let guide = match in_order {
+        let found = match in_order {
             true => {
-                let (guide, schemas, channels) = asking.guide();
+                let (found, schemas, channels) = asking.into_parts();
                 // Contradictions are reported later, when the summary is read in its turn.
                 self.learn_from_summary(schemas, channels);
-                guide
+                found
             }
             false => EarlySummary::default(),
         };
-        self.guide = Some(guide);
+        self.early_summary = Some(found);
         Ok(())
     }
 }

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::Scan;
 use super::message_indexes::{ChunkReindexing, OpenChunk};
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::plausibility::{Measure, measure};
 use crate::record::records::parse_message_index;

@@ -3,9 +3,10 @@
 
 use mcap::MAGIC;
 
+use super::Scan;
 use super::event::Damage;
 use super::search::Search;
-use super::{Scan, Stage, Step};
+use super::stage::{Stage, Step};
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::plausibility::Measure;
 use crate::record::wire::{FRAME, op};

@@ -70,7 +70,7 @@ pub(super) struct Asking {
     /// Footer, once it was read.
     footer: Option<Footer>,
     crc: Hasher,
-    guide: EarlySummary,
+    found: EarlySummary,
     /// Memory of the records below, in bytes.
     kept: u64,
     schemas: Vec<Schema>,
@@ -80,8 +80,8 @@ pub(super) struct Asking {
 
 impl Asking {
     pub(super) fn new(back: u64, limits: Limits) -> Self {
-        let (guide, schemas, channels) = Default::default();
-        Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels, limits }
+        let (found, schemas, channels) = Default::default();
+        Self { back, footer: None, crc: Hasher::new(), found, kept: 0, schemas, channels, limits }
     }
 
     /// Reads on. Returns whether the whole section is in order.
@@ -136,17 +136,17 @@ impl Asking {
             op::METADATA_INDEX => MetadataIndex::parse(body).map(|index| (index.offset, index.length, op::METADATA))?,
             _ => return Some(()),
         };
-        self.guide.indexed |= opcode == op::CHUNK;
-        self.guide.landmarks.push(Landmark { offset, length, opcode });
+        self.found.indexed |= opcode == op::CHUNK;
+        self.found.landmarks.push(Landmark { offset, length, opcode });
         Some(())
     }
 
-    pub(super) fn guide(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {
+    pub(super) fn into_parts(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {
         let start = self.footer.as_ref().map_or(DATA_END, |footer| footer.section.start);
         let data = start - DATA_END;
-        self.guide.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
-        self.guide.data_end = Some(start);
-        self.guide.settle(start);
-        (self.guide, self.schemas, self.channels)
+        self.found.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
+        self.found.data_end = Some(start);
+        self.found.settle(start);
+        (self.found, self.schemas, self.channels)
     }
 }

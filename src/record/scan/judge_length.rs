@@ -4,8 +4,8 @@
 use mcap::MAGIC;
 
 use super::Scan;
-use super::bounds::{Bounds, REACH};
-use super::search::Search;
+use super::bounds::Bounds;
+use super::search::{REACH, Search};
 use super::swallowed::{LOOK, swallowed};
 use crate::record::chunk::knows;
 use crate::record::frame_window::{Frame, Stop};

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Scan, Stage, Step, Supply};
+use super::Scan;
+use super::stage::{Stage, Step};
+use super::supply::Supply;
 use crate::record::Places;
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::Frame;

@@ -2,9 +2,10 @@
 
 use crc32fast::Hasher;
 
+use super::Scan;
 use super::attachments::Attaching;
 use super::search::HEAD;
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::records::AttachmentIndex;
 use crate::record::wire::{FRAME, Fields};

@@ -3,10 +3,12 @@
 
 use std::collections::BTreeSet;
 
+use super::Scan;
 use super::emission::Emission;
 use super::message_indexes::OpenChunk;
 use super::search::HEAD;
-use super::{Scan, Stage, Step, Supply};
+use super::stage::{Stage, Step};
+use super::supply::Supply;
 use crate::record::Message;
 use crate::record::chunk::{Content, Place, locate};
 use crate::record::chunk_check::ChunkCheck;
@@ -70,9 +72,9 @@ impl Scan {
 
     /// Handles a record that belongs to the summary: either the DataEnd record is damaged, or the record itself is.
     fn stray_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match &self.guide {
+        match &self.early_summary {
             None => self.ask(),
-            Some(guide) if guide.is_behind_data(frame.offset) => {
+            Some(summary) if summary.is_behind_data(frame.offset) => {
                 self.damage(frame.offset, 0, "the end of the data was not marked");
                 self.summary.begun = true;
                 self.summary_record(frame)
@@ -113,7 +115,7 @@ impl Scan {
             }
         });
         match survey {
-            Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(survey) if self.early_summary.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
                 self.inventory.mentioned.extend(channel);
                 self.reject(frame, "a message outside the chunks that fits nothing else");
@@ -123,8 +125,7 @@ impl Scan {
                 let ends = frame.opcode == op::MESSAGE;
                 self.inventory.loose |= ends;
                 if let Some(channel) = channel {
-                    let usual = self.sync.lengths.entry(channel).or_insert(Some(frame.length));
-                    *usual = usual.filter(|&usual| usual == frame.length);
+                    self.sync.note_length(channel, frame.length);
                 }
                 self.admit(frame, survey);
                 self.stage = Stage::Emission(Emission {
@@ -162,7 +163,7 @@ impl Scan {
 
     /// Whether the recording has chunks.
     pub(super) fn has_chunks(&self) -> bool {
-        self.inventory.has_chunks() || self.guide.as_ref().is_some_and(|guide| guide.indexed)
+        self.inventory.has_chunks() || self.early_summary.as_ref().is_some_and(|summary| summary.indexed)
     }
 
     /// Whether there are messages on channels that neither these records nor earlier ones define.
@@ -215,7 +216,9 @@ impl Scan {
             None => Ok(content),
         });
         match content {
-            Ok(Content { survey, .. }) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(Content { survey, .. }) if self.early_summary.is_none() && self.is_at_a_loss(&survey) => {
+                return self.ask();
+            }
             Ok(Content { data, place, mut index, survey, more }) => {
                 if more {
                     let what = "a chunk that opens to more than it claims: what is beyond is not used";

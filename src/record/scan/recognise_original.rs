@@ -1,7 +1,8 @@
 //! Recognition of an annotated recording by its end, to scan its original as if it stood alone.
 
+use super::Scan;
 use super::original::{Ours, Recognising};
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Extent, Frame, Stop};
 use crate::record::wire::op;
 
@@ -95,7 +96,7 @@ impl Scan {
         }
         self.horizon.set_extent(ours.extent);
         self.horizon.jump(ours.prefix);
-        (self.guide, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
+        (self.early_summary, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
         self.inventory.prefix = ours.prefix;
         if !in_one_piece {
             // Seen as an original itself, the file lost nothing, and the records are in the kept tail.

@@ -1,8 +1,9 @@
 //! Resumption of a scan where another one stopped.
 
+use super::Scan;
 use super::data_crc::DataCrc;
 use super::position::Position;
-use super::{Scan, Stage};
+use super::stage::Stage;
 
 impl Scan {
     /// Scan of a recording that may grow, from the position of another scan. Its length is 0 as with [`Scan::new`].

@@ -1,10 +1,10 @@
 //! Resynchronisation: the next whole record is where the summary's index says, or else at the first place where bytes
 //! look like a record that another one follows. Attachments are skipped, since one may contain records.
 
-use super::bounds::REACH;
-use super::search::{HEAD, Search};
+use super::Scan;
+use super::search::{HEAD, REACH, Search};
+use super::stage::{Stage, Step};
 use super::swallowed::LOOK;
-use super::{Scan, Stage, Step};
 use crate::record::chunk::knows;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::plausibility::{Measure, SPARE, end, fits, head};
@@ -18,7 +18,7 @@ impl Scan {
         if !self.horizon.extent().finished {
             return Err(self.horizon.wait());
         }
-        if self.guide.is_none() {
+        if self.early_summary.is_none() {
             return self.ask();
         }
         if self.close_chunk(None) {
@@ -89,9 +89,7 @@ impl Scan {
     }
 
     fn next_whole(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
-        if let Some((from, found)) = self.sync.found
-            && (from..=found.unwrap_or(u64::MAX)).contains(&search.from)
-        {
+        if let Some(found) = self.sync.found_from(search.from) {
             return Ok(found);
         }
         search.at = search.at.max(search.from);
@@ -100,7 +98,7 @@ impl Scan {
                 break None;
             }
             self.horizon.seek(search.at);
-            let landmark = self.guide.as_ref().and_then(|guide| guide.at_or_behind(search.at));
+            let landmark = self.early_summary.as_ref().and_then(|summary| summary.at_or_behind(search.at));
             match landmark {
                 Some(landmark) if landmark.offset == search.at && self.stands(landmark.opcode, landmark.length)? => {
                     break Some(search.at);
@@ -111,8 +109,9 @@ impl Scan {
                 }
                 _ => {}
             }
-            let indexed = self.guide.as_ref().is_some_and(|guide| guide.indexed);
-            let next = self.guide.as_ref().and_then(|guide| guide.behind(search.at)).map(|next| next.offset);
+            let indexed = self.early_summary.as_ref().is_some_and(|summary| summary.indexed);
+            let next =
+                self.early_summary.as_ref().and_then(|summary| summary.behind(search.at)).map(|next| next.offset);
             match (indexed, next) {
                 (true, Some(next)) => search.at = next,
                 (true, None) => break None,
@@ -126,8 +125,7 @@ impl Scan {
                 }
             }
         };
-        self.sync.found = Some((search.from, found));
-        self.sync.trusted = found;
+        self.sync.note_found(search.from, found);
         Ok(found)
     }
 
@@ -171,7 +169,7 @@ impl Scan {
         match frame.opcode {
             op::MESSAGE => return Ok(loose && frame.length <= LOOK && self.chain_at(frame.end())?),
             op::SCHEMA | op::CHANNEL | op::METADATA
-                if frame.length > HEAD && self.sync.doubted > 4 * frame.offset + 4 * REACH =>
+                if frame.length > HEAD && self.sync.has_doubted_enough(frame.offset) =>
             {
                 return Ok(false);
             }
