@@ -6,8 +6,12 @@ use stillpoint::Error;
 use stillpoint::run::{self, Ending, Following, Notice, Options, Stop, Written};
 
 use super::annotate::{code, result, say};
+use super::code::Code;
+use super::configuration::configuration;
+use super::files::reads;
+use super::printing::print_json;
 use super::view::View;
-use super::{Code, configuration, import, print_json, reads, stream};
+use super::{import, stream};
 use crate::cli;
 
 /// Time without a write after which a recorder counts as dead.
@@ -37,7 +41,7 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     };
     let mut view = View::new(args.input.display().to_string());
     #[cfg(feature = "live")]
-    let live = super::live(&args.viewing, &config)?;
+    let live = super::live::live(&args.viewing, &config)?;
     #[cfg(feature = "live")]
     let mut session = live.as_ref().map(|live| match earlier.clone() {
         Some(earlier) => live.session().corrected_by(earlier, &config),
