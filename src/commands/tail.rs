@@ -48,14 +48,14 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
         None => live.session(),
     });
     let mut failed = None;
-    let mut notify = |news: Notice<'_>| {
+    let mut notify = |notice: Notice<'_>| {
         #[cfg(feature = "live")]
-        session.iter_mut().for_each(|session| session.show(&news));
+        session.iter_mut().for_each(|session| session.show(&notice));
         if json && failed.is_none() {
-            failed = stream::event(&news).map_or(Ok(()), |event| print_json(&event)).err();
+            failed = stream::event(&notice).map_or(Ok(()), |event| print_json(&event)).err();
         }
         if !json {
-            view.show(&news);
+            view.show(&notice);
         }
     };
     let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut notify);

@@ -40,7 +40,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     let show = || -> Box<dyn FnMut(&Notice<'_>)> {
         #[cfg(feature = "live")]
         if let Some(mut session) = live.as_ref().map(run::Live::session) {
-            return Box::new(move |news| session.show(news));
+            return Box::new(move |notice| session.show(notice));
         }
         Box::new(|_| {})
     };

@@ -17,7 +17,7 @@ use crate::Stamp;
 use crate::annotate::{Annotator, Corrected, Corrections, is_only_partial};
 use crate::config::Config;
 use crate::engine::{self, Engine, Message};
-use crate::fit::{Gravity, Place, Source};
+use crate::fit::{EarthLocation, Gravity, Source};
 use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor, Timing};
 use crate::messages::foxglove::Log;
 use crate::messages::foxglove::log::Level;
@@ -55,7 +55,7 @@ pub(crate) struct Learner {
     /// Log time of the last message that is used, or of the first one until then, in nanoseconds.
     log_time: u64,
     /// Place of the recording, once known.
-    place: Option<Place>,
+    place: Option<EarthLocation>,
     #[serde(skip)]
     readings: Vec<(ImuId, Sensor, Reading)>,
     /// Readings after the correction of their times.
@@ -383,7 +383,7 @@ impl Learner {
 
     /// Sets the place of the recording.
     fn locate(&mut self, Position { latitude_deg, height_m }: Position, notify: Notify<'_>) {
-        let place = Place { latitude_deg, height_m };
+        let place = EarthLocation { latitude_deg, height_m };
         self.place = Some(place);
         self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
         if self.config.fit.gravity.is_none() && self.config.fit.latitude_deg.is_none() {

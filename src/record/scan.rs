@@ -87,7 +87,7 @@ use super::{Error, Inventory, Limits, Message, Places};
 /// ```
 #[derive(Default)]
 pub struct Scan {
-    horizon: FrameWindow,
+    window: FrameWindow,
     inflate: Inflate,
     inventory: Inventory,
     stage: Stage,
@@ -130,14 +130,14 @@ impl Scan {
     /// Sets the current length. No byte beyond it is requested, and no record that reaches beyond it is whole.
     pub fn extend(&mut self, length: u64) {
         if !self.is_still(length) {
-            self.horizon.set_extent(Extent { length, ..self.horizon.extent() });
+            self.window.set_extent(Extent { length, ..self.window.extent() });
         }
     }
 
     /// Declares that the recording will not grow any more.
     pub fn finish(&mut self) {
         self.finish_ours();
-        self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
+        self.window.set_extent(Extent { finished: true, ..self.window.extent() });
     }
 
     /// Sets the limits on what is read of the recording.
@@ -165,13 +165,13 @@ impl Scan {
 
     /// Room for `length` bytes of the recording, from the offset in [`Event::Read`] on.
     pub fn insert(&mut self, length: usize) -> &mut [u8] {
-        self.horizon.insert(length)
+        self.window.insert(length)
     }
 
     /// Reports that `length` bytes were written to the room from [`Scan::insert`]. 0 does not mean the end.
     pub fn notify_read(&mut self, length: usize) {
-        let room = self.room(self.horizon.offset() + self.horizon.buffered().len() as u64);
-        self.horizon.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
+        let room = self.room(self.window.offset() + self.window.buffered().len() as u64);
+        self.window.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
     }
 
     /// Takes the chunk indexes found since the last call, so that they do not pile up. For a [fold](super::Fold), they
@@ -198,7 +198,7 @@ impl Scan {
 
     /// Offset of the first byte of the recording that was not emitted.
     pub fn offset(&self) -> u64 {
-        self.horizon.offset()
+        self.window.offset()
     }
 
     /// Next event.
@@ -234,7 +234,7 @@ impl Scan {
                 Stage::Record => self.record(),
                 Stage::Offering(frame) => return Ok(Step::Chunk(*frame)),
                 Stage::Emission(telling) => {
-                    if telling.advance(&self.inflate, &self.horizon) {
+                    if telling.advance(&self.inflate, &self.window) {
                         return Ok(Step::Message);
                     }
                     let (frame, opened) = (telling.frame, telling.opened.take());
@@ -245,7 +245,7 @@ impl Scan {
                     }
                     Ok(())
                 }
-                Stage::Attaching(attaching) => match attaching.hash(&mut self.horizon, &mut self.data_crc) {
+                Stage::Attaching(attaching) => match attaching.hash(&mut self.window, &mut self.data_crc) {
                     Ok(()) => {
                         self.attached();
                         Ok(())
@@ -266,7 +266,7 @@ impl Scan {
             };
             match done {
                 // The bytes that were judged may be rewritten meanwhile.
-                Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
+                Err(Stop::Wait) => return Ok(Step::Stop(self.window.wait())),
                 Err(stop) => return Ok(Step::Stop(stop)),
                 Ok(()) => {}
             }
@@ -275,7 +275,7 @@ impl Scan {
 
     fn message(&self) -> Option<Message<'_>> {
         let Stage::Emission(telling) = &self.stage else { return None };
-        let records = telling.records(&self.inflate, &self.horizon);
+        let records = telling.records(&self.inflate, &self.window);
         Message::parse(records.get(telling.at.start + FRAME..telling.at.end)?)
     }
 }

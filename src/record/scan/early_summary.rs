@@ -85,33 +85,33 @@ impl Asking {
     }
 
     /// Reads on. Returns whether the whole section is in order.
-    pub(super) fn read(&mut self, horizon: &mut FrameWindow) -> Result<bool, Stop> {
-        let length = horizon.extent().length;
+    pub(super) fn read(&mut self, window: &mut FrameWindow) -> Result<bool, Stop> {
+        let length = window.extent().length;
         let Footer { section, crc: stored, .. } = match &self.footer {
             Some(footer) => footer.clone(),
             None => {
                 let Some(offset) = length.checked_sub(CLOSING as u64) else { return Ok(false) };
-                horizon.seek(offset);
-                let Some(footer) = Footer::parse(horizon.peek(CLOSING)?, offset) else { return Ok(false) };
-                horizon.seek(footer.section.start);
+                window.seek(offset);
+                let Some(footer) = Footer::parse(window.peek(CLOSING)?, offset) else { return Ok(false) };
+                window.seek(footer.section.start);
                 self.footer.insert(footer).clone()
             }
         };
         let footer = section.end;
-        while horizon.offset() < footer {
-            let frame = horizon.frame()?;
+        while window.offset() < footer {
+            let frame = window.frame()?;
             if frame.length > self.limits.record || frame.end() > footer {
                 return Ok(false);
             }
-            let whole = horizon.peek(FRAME + frame.length as usize)?;
+            let whole = window.peek(FRAME + frame.length as usize)?;
             self.crc.update(whole);
             if self.note(frame, whole.get(FRAME..).unwrap_or_default()).is_none() {
                 return Ok(false);
             }
-            horizon.skip(frame.end() - frame.offset);
+            window.skip(frame.end() - frame.offset);
         }
         // The CRC covers the footer up to the CRC itself.
-        self.crc.update(horizon.peek(FRAME + 16)?);
+        self.crc.update(window.peek(FRAME + 16)?);
         Ok(stored == 0 || stored == self.crc.clone().finalize())
     }
 

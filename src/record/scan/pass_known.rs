@@ -21,7 +21,7 @@ impl Scan {
 
     /// Offers or passes what is known to stand here. Returns whether there is nothing to read here now.
     pub(super) fn pass_known(&mut self) -> bool {
-        let offset = self.horizon.offset();
+        let offset = self.window.offset();
         let Some(places) = self.places.clone().filter(|_| !self.summary.begun) else { return false };
         if let Some(index) = places.attachment(offset) {
             let frame = Frame { offset, opcode: op::ATTACHMENT, length: index.length - FRAME as u64 };

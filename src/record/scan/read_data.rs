@@ -10,7 +10,7 @@ use super::search::HEAD;
 use super::stage::{Stage, Step};
 use super::supply::Supply;
 use crate::record::Message;
-use crate::record::chunk::{Content, Place, locate};
+use crate::record::chunk::{Content, Storage, locate};
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
@@ -49,7 +49,7 @@ impl Scan {
                 self.reject(frame, "an end of the data, behind which the data goes on");
             }
             op::DATA_END => {
-                let stored = Fields(self.horizon.body(frame, 4)?).u32().unwrap_or_default();
+                let stored = Fields(self.window.body(frame, 4)?).u32().unwrap_or_default();
                 self.check_data_crc(frame, stored);
                 self.inventory.data_crc = Some(stored);
                 self.summary.begun = true;
@@ -88,7 +88,7 @@ impl Scan {
     }
 
     fn header_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match Header::parse(self.horizon.body(frame, self.limits.record)?) {
+        match Header::parse(self.window.body(frame, self.limits.record)?) {
             Some(header) if self.inventory.header.is_none() => {
                 self.inventory.header = Some(header);
                 self.queue.push_back(Step::Header);
@@ -102,7 +102,7 @@ impl Scan {
     /// Treats a schema, channel or message outside chunks as a chunk of one record.
     fn loose_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let size = FRAME + frame.length as usize;
-        let whole = self.horizon.peek(size)?;
+        let whole = self.window.peek(size)?;
         let message = Message::parse(whole.get(FRAME..).unwrap_or_default()).filter(|_| frame.opcode == op::MESSAGE);
         let (channel, incredible) = match &message {
             Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
@@ -131,7 +131,7 @@ impl Scan {
                 self.stage = Stage::Emission(Emission {
                     frame,
                     data: 0..size,
-                    place: Place::Plain,
+                    place: Storage::Plain,
                     opened: None,
                     at: 0..0,
                     ends,
@@ -190,7 +190,7 @@ impl Scan {
         };
         // Less is read of a skipped chunk, however long the name of its compression.
         let most = if matches!(supply, Some(Supply::Unread)) { SHORT_HEAD } else { HEAD };
-        let head = supplied.map_or_else(|| self.horizon.body(frame, most), Ok)?;
+        let head = supplied.map_or_else(|| self.window.body(frame, most), Ok)?;
         // The claimed size counts, whoever opened the chunk and whether or not it is read.
         let (size, refused) = match ChunkHeader::parse(&mut Fields(head)) {
             Some(header) => match self.limits.refuse_chunk(&header, self.inventory.opened, frame.end()) {
@@ -233,7 +233,7 @@ impl Scan {
                 self.stage = Stage::Emission(Emission { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
-                self.horizon.may_change(frame.end())?;
+                self.window.may_change(frame.end())?;
                 self.inventory.opened = self.inventory.opened.saturating_add(size);
                 self.spent = opened;
                 self.reject(frame, what);
@@ -245,22 +245,22 @@ impl Scan {
     }
 
     pub(super) fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
-        let body = self.horizon.body(frame, HEAD)?;
+        let body = self.window.body(frame, HEAD)?;
         let data = match locate(body, frame.length, &self.limits) {
             Ok((_, data)) => FRAME + data.start..FRAME + data.end,
             Err(what) => return Ok(Err(what)),
         };
-        self.horizon.peek(data.end)?;
-        let body = self.horizon.body(frame, HEAD)?;
+        self.window.peek(data.end)?;
+        let body = self.window.body(frame, HEAD)?;
         Ok(locate(body, frame.length, &self.limits).and_then(|(header, _)| {
-            let bytes = self.horizon.within(&data);
+            let bytes = self.window.within(&data);
             Content::of(&header, data, bytes, &mut self.inflate, &self.limits)
         }))
     }
 
     /// Skips a chunk. Its content is taken from its message indexes.
     fn unread_chunk(&mut self, frame: Frame) -> Result<(), Stop> {
-        let head = self.horizon.body(frame, SHORT_HEAD)?;
+        let head = self.window.body(frame, SHORT_HEAD)?;
         match locate(head, frame.length, &self.limits).map(|(header, _)| header.index()) {
             Ok(index) => {
                 let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
@@ -303,7 +303,7 @@ impl Scan {
 
     fn metadata_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let length = frame.end() - frame.offset;
-        match parse_metadata(self.horizon.body(frame, self.limits.definition)?) {
+        match parse_metadata(self.window.body(frame, self.limits.definition)?) {
             Some((name, _)) => {
                 self.inventory.summary.metadata.push(MetadataIndex { offset: frame.offset, length, name });
             }

@@ -12,7 +12,7 @@ use crate::record::wire::op;
 
 impl Scan {
     pub(super) fn magic(&mut self) -> Result<Result<(), Stop>, Error> {
-        match self.horizon.peek(MAGIC.len()) {
+        match self.window.peek(MAGIC.len()) {
             Ok(found) if found == MAGIC => {
                 self.data_crc.begin();
                 self.consume(MAGIC.len() as u64);
@@ -22,20 +22,20 @@ impl Scan {
             }
             Ok(found) => Err(Error::NotMcap { found: found.to_vec() }),
             Err(Stop::End) => Err(Error::Empty),
-            Err(Stop::Cut { .. }) => Err(Error::NotMcap { found: self.horizon.buffered().to_vec() }),
+            Err(Stop::Cut { .. }) => Err(Error::NotMcap { found: self.window.buffered().to_vec() }),
             Err(stop) => Ok(Err(stop)),
         }
     }
 
     pub(super) fn record(&mut self) -> Result<(), Stop> {
-        if self.horizon.extent().finished && !self.recognised {
+        if self.window.extent().finished && !self.recognised {
             self.look_at_end();
             return Ok(());
         }
         if self.leaves_original() || self.pass_known() {
             return Ok(());
         }
-        let frame = match self.horizon.frame() {
+        let frame = match self.window.frame() {
             Err(Stop::Cut { claimed }) if !self.summary.begun => return self.cut(claimed),
             frame => frame?,
         };
@@ -53,7 +53,7 @@ impl Scan {
             return Ok(());
         }
         let is_lost = matches!(bounds, Bounds::Lost(_)) || frame.opcode == 0;
-        if is_lost && !self.horizon.extent().finished {
+        if is_lost && !self.window.extent().finished {
             // It may still become a record, even one that belongs to the previous chunk.
             return Err(Stop::Wait);
         }
@@ -72,7 +72,7 @@ impl Scan {
                     next - frame.offset,
                     format!("a record of opcode {} whose length is wrong", frame.opcode),
                 );
-                self.horizon.seek(next);
+                self.window.seek(next);
                 Ok(())
             }
             Bounds::Lost(search) => self.lose(search, frame.opcode),
@@ -81,7 +81,7 @@ impl Scan {
 
     /// Continues after a record. The prefix extends through the last record before DataEnd.
     pub(super) fn pass(&mut self, frame: Frame) {
-        self.consume(frame.end() - self.horizon.offset());
+        self.consume(frame.end() - self.window.offset());
         if !self.summary.begun {
             self.inventory.prefix = frame.end();
         }

@@ -19,7 +19,7 @@ impl Scan {
             Ok(kept) => kept,
             Err(what) => return self.end(what),
         };
-        let whole = self.horizon.peek(FRAME + frame.length as usize)?;
+        let whole = self.window.peek(FRAME + frame.length as usize)?;
         self.summary.kept = kept;
         if frame.opcode == op::FOOTER {
             let verdict = self.summary.close(whole);
@@ -51,7 +51,7 @@ impl Scan {
     pub(super) fn accept_summary(&mut self) {
         let SummarySection { schemas, channels, private, .. } = std::mem::take(&mut self.summary);
         self.summary.begun = true;
-        let offset = self.horizon.offset();
+        let offset = self.window.offset();
         for what in self.learn_from_summary(schemas, channels) {
             self.damage(offset, 0, format!("the summary contradicts the data on {what}"));
         }
@@ -90,13 +90,13 @@ impl Scan {
 
     /// Reports bytes after the closing magic, which no reader reads.
     fn behind_the_end(&mut self) -> Result<(), Stop> {
-        let end = self.horizon.offset() + MAGIC.len() as u64;
-        let left = self.horizon.extent().length.saturating_sub(end);
+        let end = self.window.offset() + MAGIC.len() as u64;
+        let left = self.window.extent().length.saturating_sub(end);
         if left == 0 {
             return Ok(());
         }
         let seen = left.min(MAGIC.len() as u64) as usize;
-        let what = match self.horizon.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+        let what = match self.window.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
             Some(MAGIC) => format!(
                 "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
                  annotate both",
@@ -109,7 +109,7 @@ impl Scan {
     }
 
     pub(super) fn end_magic(&mut self) -> Result<(), Stop> {
-        match self.horizon.peek(MAGIC.len()) {
+        match self.window.peek(MAGIC.len()) {
             Ok(found) if found == MAGIC => {
                 self.behind_the_end()?;
                 self.inventory.finished = true;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::config::{Config, Layer};
-use crate::record::{Damage, Event, Kind, Limits};
+use crate::record::{Damage, Event, FileKind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::input::scan_file::Listener;
@@ -286,9 +286,9 @@ pub fn made(path: &Path) -> Option<Made> {
         return rosbag2::has_original(path).then_some(Made::Annotated);
     }
     match Recording::open(path).ok()?.kind().ok()? {
-        Kind::Annotated { .. } => Some(Made::Annotated),
-        Kind::Sidecar { .. } => Some(Made::Sidecar),
-        Kind::Recording | Kind::Edited { .. } => None,
+        FileKind::Annotated { .. } => Some(Made::Annotated),
+        FileKind::Sidecar { .. } => Some(Made::Sidecar),
+        FileKind::Recording | FileKind::Edited { .. } => None,
     }
 }
 
