@@ -76,7 +76,7 @@ impl Wandering {
 
 /// Movement with what speaks for it.
 struct Hypothesis {
-    /// What it explains over what chance may explain; beyond 1 it is accepted.
+    /// Ratio of what it explains to what chance may explain; beyond 1 it is accepted.
     over: f64,
     /// Squares that it explains, less what further unknowns explain by chance.
     explained: f64,

@@ -4,6 +4,7 @@
 //! [`annotate`](crate::run::annotate()).
 
 mod engine_setup;
+mod finish;
 mod imu_state;
 mod learned;
 mod notes;

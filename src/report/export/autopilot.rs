@@ -45,7 +45,7 @@ struct Autopilot {
     thermal: fn(u8, &[Thermal]) -> Result<Lines, ExportError>,
     /// Whether these hold the offset at the temperature of reference.
     holds_offset: bool,
-    /// How it corrects for the temperature.
+    /// Its correction for the temperature.
     by_temperature: &'static str,
     /// Parameters of the board rotation, which lies between raw and corrected readings.
     rotation: &'static [&'static str],

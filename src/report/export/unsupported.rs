@@ -6,7 +6,7 @@ use crate::messages::Triad;
 pub(super) const LEANER: &str =
     "calibrate the recording with --set fit.model=bias-scale, or use --format json, kalibr or imu-calib";
 
-/// What the change of a bias with temperature is called.
+/// Name of the change of a bias with temperature.
 pub(super) const BY_TEMPERATURE: &str = "change of bias with temperature";
 
 /// Next step where a format cannot hold what a triad has beyond bias and S.

@@ -207,7 +207,7 @@ impl Recording {
         &self.source
     }
 
-    /// What tells it from other recordings of the same name, as far as its place does.
+    /// Length and, of an object, version, which tell it from other recordings of the same name.
     pub(crate) fn identity(&self) -> String {
         self.source.identity()
     }

@@ -116,7 +116,7 @@ impl Input {
         &self.path
     }
 
-    /// What tells it from other recordings of the same name, as far as its place does.
+    /// Length and, of an object, version, which tell it from other recordings of the same name.
     pub(crate) fn identity(&self) -> String {
         self.splits.iter().map(Recording::identity).collect::<Vec<_>>().join("+")
     }
