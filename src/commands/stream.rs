@@ -25,7 +25,8 @@ pub fn event(notice: &Notice<'_>) -> Option<Value> {
         | Notice::Message { .. }
         | Notice::Corrected { .. }
         | Notice::Imu { .. }
-        | Notice::Read(_) => {
+        | Notice::Read(_)
+        | Notice::Saved { .. } => {
             return None;
         }
     })
