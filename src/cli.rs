@@ -1,4 +1,4 @@
-//! What the user typed. What it means is left to the [`commands`](crate::commands).
+//! Command line as the user typed it. Its meaning is left to the [`commands`](crate::commands).
 
 mod following;
 mod shared;

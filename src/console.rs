@@ -44,16 +44,16 @@ impl<S: Subscriber> tracing_subscriber::Layer<S> for Stderr {
             _ => "debug: ",
         }
         .to_owned();
-        event.record(&mut Message(&mut text));
+        event.record(&mut LogText(&mut text));
         let text = if event.metadata().target() == COMPOSED { text.into() } else { printable(&text) };
         // Nobody can be informed if standard error is gone.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
     }
 }
 
-struct Message<'a>(&'a mut String);
+struct LogText<'a>(&'a mut String);
 
-impl Visit for Message<'_> {
+impl Visit for LogText<'_> {
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
         let _ = match field.name() {
             "message" => write!(self.0, "{value:?}"),

@@ -93,7 +93,7 @@ pub use self::unit_probe::UnitProbe;
 pub use self::units::{UnitFinding, unconfirmed_unit, unit_of_gravity};
 use crate::Stamp;
 use crate::fit::turn_fit::TurnSeen;
-use crate::fit::{Fixture, Place};
+use crate::fit::{EarthLocation, Fixture};
 use crate::imu::{Sample, Sensor};
 use crate::messages;
 use crate::messages::foxglove::log::Level;
@@ -126,7 +126,7 @@ pub struct Engine {
     /// Texts on the declared rotations that are of no use, at the end.
     unused_rotations: Vec<String>,
     /// Position from the recording.
-    fix: Option<Place>,
+    fix: Option<EarthLocation>,
 }
 
 /// Longest time between two stillness messages, ns.
@@ -238,7 +238,7 @@ impl Engine {
 
     /// Sets the position of the recording: later fits use its gravity and Earth's rotation, unless the configuration
     /// has a value.
-    pub fn locate(&mut self, place: Place) {
+    pub fn locate(&mut self, place: EarthLocation) {
         self.fix = Some(place);
     }
 

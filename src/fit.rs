@@ -47,7 +47,7 @@ pub use config::{Config, Estimator, FaceConfig, FixtureConfig, Loss, Model, Refi
 pub use error::Error;
 pub use estimate::{Estimate, Origin};
 pub use fixture::{Face, Fixture};
-pub use gravity::{EARTH_RATE, Gravity, Place, Source};
+pub use gravity::{EARTH_RATE, EarthLocation, Gravity, Source};
 pub use huber::huber;
 pub use initial_guess::guess;
 pub use linear_system::{Limits, LinearSystem, Row, Solved, limits};

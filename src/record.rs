@@ -38,7 +38,7 @@ pub use inventory::Inventory;
 pub use limits::Limits;
 pub use piece::Piece;
 pub use places::Places;
-pub use provenance::{Kind, Original, recognise, recognise_scanned};
+pub use provenance::{FileKind, Original, recognise, recognise_scanned};
 pub use scan::{Damage, Event, Position, Scan, Supply};
 pub use sidecar::{Sidecar, SidecarBlocks};
 pub use types::{Channel, Message, Schema};

@@ -10,11 +10,15 @@ use stillpoint::run::{self, Access, EarlierResult, Form, Input, Made, Options, R
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
+use super::code::Code;
+use super::configuration::configuration;
+use super::files::{make_folder, reads};
 use super::manifest::Manifest;
+use super::printing::{name, print_json};
 use super::progress::Progress;
 use super::shard::Shard;
 use super::text::Look;
-use super::{Code, configuration, import, listing, make_folder, name, print_json, reads, summary};
+use super::{import, listing, summary};
 use crate::cli;
 use crate::console::COMPOSED;
 

@@ -8,8 +8,11 @@ use stillpoint::report::{self, LayoutImu};
 use stillpoint::run::{self, Input, Stop};
 use stillpoint::topic;
 
+use super::code::Code;
+use super::configuration::{configuration, layer};
+use super::files::{reads, write};
+use super::printing::{print, print_json};
 use super::progress::Progress;
-use super::{Code, configuration, layer, print, print_json, reads, write};
 use crate::cli;
 
 pub fn run(verb: cli::Config, json: bool, stop: &Stop) -> Result<Code, Error> {

@@ -4,8 +4,10 @@ use stillpoint::Error;
 use stillpoint::report::{self, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
+use super::code::{Code, damaged};
+use super::configuration::configuration;
+use super::files::{reads, text_of, write};
 use super::progress::Progress;
-use super::{Code, configuration, damaged, reads, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {

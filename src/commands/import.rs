@@ -6,7 +6,8 @@ use serde_json::json;
 use stillpoint::Error;
 use stillpoint::report::{self, Axes, Findings};
 
-use super::{Code, reads, text_of, write};
+use super::code::Code;
+use super::files::{reads, text_of, write};
 use crate::cli;
 
 pub fn run(args: &cli::Import) -> Result<Code, Error> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use stillpoint::{Error, run};
 
-use super::text_of;
+use super::files::text_of;
 
 /// The inputs in the order in which they are named, those of the list last. `under` lists a prefix.
 pub fn inputs(

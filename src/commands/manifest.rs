@@ -10,7 +10,8 @@ use stillpoint::report;
 use stillpoint::run::{self, Reads, Report, Written};
 use stillpoint::{Error, printable_json};
 
-use super::{Code, name};
+use super::code::Code;
+use super::printing::name;
 
 /// Path and open file, if a manifest is written.
 pub struct Manifest(Option<(PathBuf, File)>);

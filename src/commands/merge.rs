@@ -7,10 +7,14 @@ use stillpoint::report::{self, Findings, Page, Timeline};
 use stillpoint::run::{self, Gathered, Input, SensorKey, Stop};
 use stillpoint::{Error, printable};
 
+use super::code::{Code, damaged};
+use super::configuration::configuration;
+use super::files::{reads, write};
+use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{Code, configuration, damaged, export, listing, print, print_json, reads, summary, write};
+use super::{export, listing, summary};
 use crate::cli;
 
 pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {

@@ -5,7 +5,8 @@ use stillpoint::Error;
 use stillpoint::run;
 use tracing::info;
 
-use super::{Code, name, print_json};
+use super::code::Code;
+use super::printing::{name, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Repair, json: bool) -> Result<Code, Error> {

@@ -6,10 +6,14 @@ use stillpoint::report::{self, Findings, Page, Timeline};
 use stillpoint::run::{self, Input, Stop};
 use stillpoint::{Error, printable};
 
+use super::code::{Code, damaged};
+use super::configuration::configuration;
+use super::files::{is_pipe, reads, write};
+use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{Code, configuration, damaged, import, print, print_json, reads, summary, write};
+use super::{import, summary};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -30,7 +34,7 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let page = Page { recording: &name, timelines: imus, notes, settings, earlier };
         let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
         write(&page.html(), Some(output), args.force, &reads)?;
-        if !super::is_pipe(output) {
+        if !is_pipe(output) {
             tracing::info!("wrote {}", output.display());
         }
     } else if !json {

@@ -6,7 +6,9 @@ use clap::CommandFactory as _;
 use stillpoint::Error;
 use stillpoint::run::{Partial, Reads};
 
-use super::{Code, make_folder, print};
+use super::code::Code;
+use super::files::make_folder;
+use super::printing::print;
 use crate::cli::{Cli, Completions, Man};
 
 /// Prints the completions of a shell.

@@ -9,7 +9,10 @@ use stillpoint::simulate::{self, BUILTIN, Scenario};
 use stillpoint::{Error, Stamp};
 use tracing::info;
 
-use super::{Code, finish, name, partial, print, print_json, reads};
+use super::code::Code;
+use super::configuration::layer;
+use super::files::{finish, partial, reads};
+use super::printing::{name, print, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Simulate, json: bool) -> Result<Code, Error> {
@@ -56,5 +59,5 @@ fn scenario(name: &str) -> Result<Layer, Error> {
         let known = BUILTIN.map(|(name, _)| name).join(", ");
         return Err(Error::Usage(format!("{name}: no such file, and no built-in scenario ({known})")));
     }
-    super::layer(Path::new(name))
+    layer(Path::new(name))
 }

@@ -7,8 +7,8 @@ use stillpoint::report::{coverage, triad};
 use stillpoint::run::Notice;
 
 /// The JSON of an event; `None` for news that is no event. Times are in nanoseconds.
-pub fn event(news: &Notice<'_>) -> Option<Value> {
-    Some(match news {
+pub fn event(notice: &Notice<'_>) -> Option<Value> {
+    Some(match notice {
         Notice::Awaited => json!({"event": "awaited"}),
         Notice::Opened(offset) => json!({"event": "opened", "offset": offset}),
         Notice::Split(file) => json!({"event": "split", "file": file}),
@@ -25,7 +25,8 @@ pub fn event(news: &Notice<'_>) -> Option<Value> {
         | Notice::Message { .. }
         | Notice::Corrected { .. }
         | Notice::Imu { .. }
-        | Notice::Read(_) => {
+        | Notice::Read(_)
+        | Notice::Saved { .. } => {
             return None;
         }
     })

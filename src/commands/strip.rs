@@ -5,8 +5,9 @@ use stillpoint::Error;
 use stillpoint::run::{self, Input, Stop};
 use tracing::info;
 
+use super::code::Code;
+use super::printing::{name, print_json};
 use super::progress::Progress;
-use super::{Code, name, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {

@@ -6,8 +6,12 @@ use stillpoint::Error;
 use stillpoint::run::{self, Ending, Following, Notice, Options, Stop, Written};
 
 use super::annotate::{code, result, say};
+use super::code::Code;
+use super::configuration::configuration;
+use super::files::reads;
+use super::printing::print_json;
 use super::view::View;
-use super::{Code, configuration, import, print_json, reads, stream};
+use super::{import, stream};
 use crate::cli;
 
 /// Time without a write after which a recorder counts as dead.
@@ -37,21 +41,21 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     };
     let mut view = View::new(args.input.display().to_string());
     #[cfg(feature = "live")]
-    let live = super::live(&args.viewing, &config)?;
+    let live = super::live::live(&args.viewing, &config)?;
     #[cfg(feature = "live")]
     let mut session = live.as_ref().map(|live| match earlier.clone() {
         Some(earlier) => live.session().corrected_by(earlier, &config),
         None => live.session(),
     });
     let mut failed = None;
-    let mut notify = |news: Notice<'_>| {
+    let mut notify = |notice: Notice<'_>| {
         #[cfg(feature = "live")]
-        session.iter_mut().for_each(|session| session.show(&news));
+        session.iter_mut().for_each(|session| session.show(&notice));
         if json && failed.is_none() {
-            failed = stream::event(&news).map_or(Ok(()), |event| print_json(&event)).err();
+            failed = stream::event(&notice).map_or(Ok(()), |event| print_json(&event)).err();
         }
         if !json {
-            view.show(&news);
+            view.show(&notice);
         }
     };
     let tailed = run::tail(&args.input, &output, &config, &following, stop, &mut notify);

@@ -6,9 +6,11 @@ use stillpoint::imu::{ChannelRole, ImuConfig};
 use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
 use stillpoint::{Error, printable};
 
+use super::code::{Code, damaged};
+use super::configuration::configuration;
+use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
-use super::{Code, configuration, damaged, print, print_json};
 use crate::cli;
 
 pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {

@@ -18,7 +18,7 @@ use super::text::Look;
 /// Interval between two drawings; people read no faster.
 const FRAME: Duration = Duration::from_millis(150);
 
-/// View of a recording's news.
+/// View of a followed recording.
 pub struct View {
     /// `None` without a terminal to draw on.
     term: Option<Term>,
@@ -39,9 +39,9 @@ impl View {
         Self { term, name, drawn: 0, next: Instant::now(), lines: Vec::new(), waiting: false }
     }
 
-    /// Shows news.
-    pub fn show(&mut self, news: &Notice<'_>) {
-        match news {
+    /// Shows a notice.
+    pub fn show(&mut self, notice: &Notice<'_>) {
+        match notice {
             Notice::Awaited => {
                 self.waiting = true;
                 self.say(|name| info!("{name}: waiting for the recording to begin"));

@@ -11,7 +11,9 @@ use stillpoint::run::{self, Following, Metrics, Notice, Options, Stop, Verdict, 
 use tokio::signal::unix::{SignalKind, signal};
 use tracing::{debug, error, info, warn};
 
-use super::{Code, configuration, print_json};
+use super::code::Code;
+use super::configuration::configuration;
+use super::printing::{self, print_json};
 use crate::cli;
 
 /// Interval between two looks through a directory, and between two listings of a prefix, each of which is paid for.
@@ -28,7 +30,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     std::fs::read_dir(&args.folder).map_err(Error::io("read", &args.folder))?;
     let read = configuration(&args.configuration)?;
     #[cfg(feature = "live")]
-    let live = super::live(&args.viewing, &read)?;
+    let live = super::live::live(&args.viewing, &read)?;
     let config = Arc::new(RwLock::new(read));
     reload_on_hangup(args.configuration.clone(), config.clone())?;
     let metrics = Arc::new(Metrics::default());
@@ -38,7 +40,7 @@ pub fn run(args: &cli::Watch, json: bool, stop: &Stop) -> Result<Code, Error> {
     let show = || -> Box<dyn FnMut(&Notice<'_>)> {
         #[cfg(feature = "live")]
         if let Some(mut session) = live.as_ref().map(run::Live::session) {
-            return Box::new(move |news| session.show(news));
+            return Box::new(move |notice| session.show(notice));
         }
         Box::new(|_| {})
     };
@@ -128,10 +130,10 @@ fn say(path: &Path, verdict: &Verdict<'_>, json: bool) {
                 event
             }
             Verdict::Quarantined(reason) => {
-                json!({"event": "quarantined", "input": super::name(path), "reason": reason})
+                json!({"event": "quarantined", "input": printing::name(path), "reason": reason})
             }
             Verdict::Again(error, wait) => {
-                json!({"event": "again", "input": super::name(path), "error": error.to_string(), "seconds": wait.as_secs_f64()})
+                json!({"event": "again", "input": printing::name(path), "error": error.to_string(), "seconds": wait.as_secs_f64()})
             }
         };
         // A service goes on even if standard output is gone.

@@ -218,7 +218,7 @@ fn place(fit: &fit::Config) -> Result<(), Fault> {
         topic("fit.fix_topic", name)?;
     }
     let latitude_deg = fit.latitude_deg.unwrap_or(0.0);
-    let at = |height_m| fit::Place { latitude_deg, height_m };
+    let at = |height_m| fit::EarthLocation { latitude_deg, height_m };
     if !at(None).is_valid() {
         return fault("fit.latitude_deg", format!("must lie between -90 and 90, is {latitude_deg}"));
     }

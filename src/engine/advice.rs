@@ -30,7 +30,7 @@ pub(super) struct PoseAdviser<'a> {
     pub(super) entries: &'a [JudgedRest],
     pub(super) judge: &'a Judge<'a>,
     pub(super) givens: &'a Givens<'a>,
-    pub(super) attempt: &'a ModelTrial,
+    pub(super) trial: &'a ModelTrial,
     pub(super) turning: Option<&'a Turning>,
 }
 
@@ -38,13 +38,13 @@ impl PoseAdviser<'_> {
     /// Advice for a session whose faces named here are not checked; `None` where poses are not what it lacks.
     pub(super) fn advise(&self, unchecked: &[String]) -> Option<Advice> {
         let config = self.judge.fit;
-        let now = self.attempt.fit.as_ref().ok()?;
-        let sound = self.attempt.doubts.is_empty() && self.attempt.drift.is_none() && now.active.is_empty();
+        let now = self.trial.fit.as_ref().ok()?;
+        let sound = self.trial.doubts.is_empty() && self.trial.drift.is_none() && now.active.is_empty();
         let simple = config.estimator == Estimator::Magnitude && config.loss == Loss::Square;
         if !sound || !simple || self.givens.reference.is_some() || config.half_life_s.is_some() {
             return None;
         }
-        match (now.shape, self.attempt.poses) {
+        match (now.shape, self.trial.poses) {
             (Parameterisation::DIAGONAL, _) if !unchecked.is_empty() => self.repeats(now, unchecked),
             (Parameterisation::DIAGONAL | Parameterisation::TRIANGULAR, _) => self.further(now, unchecked),
             _ => None,
@@ -77,10 +77,10 @@ impl PoseAdviser<'_> {
         // Where turns tell what edges would, poses on faces stay those of the simpler fit.
         let by_turns = self.turning.is_some_and(|turning| turning.completed);
         let mut plans = Vec::new();
-        if !by_turns || self.attempt.poses == Poses::Any {
+        if !by_turns || self.trial.poses == Poses::Any {
             plans.push(search.best(&candidates, most));
         }
-        if self.attempt.poses == Poses::OnFaces {
+        if self.trial.poses == Poses::OnFaces {
             plans.push(search.best(&candidates[..self.judge.fixture.faces().len()], most));
         }
         // A richer model may gain more than the uncertainty of lengths tells, but poses on faces do not lead to it.
@@ -118,7 +118,7 @@ impl PoseAdviser<'_> {
     fn poses(&self, now: &Estimate) -> Vec<(String, Vector3<f64>)> {
         let mut poses = self.judge.fixture.poses();
         let calibration = now.calibration();
-        for placed in &self.attempt.seen {
+        for placed in &self.trial.seen {
             let lay = calibration.correct(&placed.observation.mean).try_normalize(f64::MIN_POSITIVE);
             let limit = self.judge.fit.max_tilt_deg.to_radians();
             if let (Some((_, up)), Some(lay)) = (poses.get_mut(placed.face), lay)
@@ -138,12 +138,12 @@ impl PoseAdviser<'_> {
     fn on_faces(&self, now: &Estimate, ups: &[Vector3<f64>]) -> Option<Estimate> {
         let trial = Trial { shape: now.shape, givens: self.givens };
         let given = assumptions(self.judge, &trial, now.calibration());
-        let seen: Vec<_> = self.attempt.seen.iter().map(|placed| placed.observation).collect();
+        let seen: Vec<_> = self.trial.seen.iter().map(|placed| placed.observation).collect();
         let search = PoseSearch { seen: &seen, given: &given, told: None, scatter: scatter(now, self.judge) };
         let seen = search.after(ups);
         match (now.shape, self.turns().filter(|_| self.turning.is_some_and(|turning| turning.completed))) {
             (Parameterisation::TRIANGULAR, Some(found)) => {
-                turning::triangular(&seen, self.attempt.poses, found, self.judge, self.givens)
+                turning::triangular(&seen, self.trial.poses, found, self.judge, self.givens)
             }
             _ => fit(&seen, &given).ok(),
         }
@@ -159,7 +159,7 @@ impl PoseAdviser<'_> {
                 None => Some(spread),
             },
             // Only those on faces count.
-            None if self.attempt.poses == Poses::OnFaces => {
+            None if self.trial.poses == Poses::OnFaces => {
                 let limit = self.judge.fit.max_tilt_deg;
                 let is_on_face =
                     |up: &&Vector3<f64>| self.judge.fixture.nearest(up).is_some_and(|(_, tilt)| tilt <= limit);

@@ -42,8 +42,8 @@ impl ChangeGate {
     }
 
     /// Progress of the round of placements since the last published calibration of the accelerometer.
-    pub(super) fn round(&self, book: &RestHistory, fixture: &Fixture, refit: Refit) -> Round {
-        let accepted = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
+    pub(super) fn round(&self, history: &RestHistory, fixture: &Fixture, refit: Refit) -> Round {
+        let accepted = || history.entries().iter().filter(|entry| entry.verdict.is_accepted());
         let fresh = |face: usize| {
             accepted().any(|entry| entry.verdict.face() == Some(face) && self.round < Some(entry.rest.start))
         };

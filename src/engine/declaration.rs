@@ -1,10 +1,10 @@
-//! What is declared of a turn's rotation about the vertical, or could be.
+//! Declarations of a turn's rotation about the vertical, and those that could be made.
 
 use std::f64::consts::TAU;
 
 use crate::turns::{Contradiction, Ends, Piece, contradiction, whole_turn};
 
-/// What is said of a turn's rotation about the vertical; angles in rad, counterclockwise seen from above.
+/// Statement on a turn's rotation about the vertical; angles in rad, counterclockwise seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Declaration {
     Nothing,

@@ -24,7 +24,7 @@ pub(super) struct Drift {
     half_life: Option<f64>,
     /// Possible error of the parameters, at the beginning of the session or now: half of a 95 % interval.
     pub(super) moved: DVector<f64>,
-    /// Whether a configured half-life keeps that error within the bars.
+    /// Whether a configured half-life keeps that error within its interval.
     pub(super) followed: bool,
 }
 
@@ -76,12 +76,12 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
         false => look(&all).filter(|found| found.is_certain).or_else(|| look(&kept)),
     };
     let faces = faces(seen, judge.fixture, calibration, judge.fit.placement_std);
-    let bars: Vec<_> = fit.map_or(Vec::new(), |fit| (0..fit.parameters.len()).map(|i| fit.std(i)).collect());
+    let stds: Vec<_> = fit.map_or(Vec::new(), |fit| (0..fit.parameters.len()).map(|i| fit.std(i)).collect());
     let last = kept.iter().map(|(time, _)| *time).fold(0.0, f64::max);
     let Some(found) = found else {
-        let hint = unexcluded(&kept, given, calibration, &told.hints, &bars, turns.as_ref())?;
+        let hint = unexcluded(&kept, given, calibration, &told.hints, &stds, turns.as_ref())?;
         let course = Course::Hinted(hint.axis, hint.change, hint.time);
-        let moved = DVector::zeros(bars.len());
+        let moved = DVector::zeros(stds.len());
         return Some(Drift { course, faces: Vec::new(), half_life: None, moved, followed: false });
     };
     let course = match found.is_step(0.0, last) {
@@ -93,17 +93,17 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
     };
     let starts: BTreeMap<u32, f64> = kept.iter().map(|(time, seen)| (seen.placement, *time)).collect();
     let moved = fit.map_or(DVector::zeros(0), |fit| moved(fit, &found, &starts, judge.fit.half_life_s.is_some()));
-    let within = |moved: &DVector<f64>, bars: &[f64]| {
-        !moved.is_empty() && moved.iter().zip(bars).all(|(moved, bar)| moved.abs() <= *bar)
+    let within = |moved: &DVector<f64>, stds: &[f64]| {
+        !moved.is_empty() && moved.iter().zip(stds).all(|(moved, std)| moved.abs() <= *std)
     };
-    let followed = judge.fit.half_life_s.is_some() && within(&moved, &bars);
+    let followed = judge.fit.half_life_s.is_some() && within(&moved, &stds);
     let half_life = (judge.fit.half_life_s.is_none() && fit.is_some())
         .then(|| follows(fitted, judge, poses, &found, &starts))
         .flatten();
     Some(Drift { course, faces, half_life, moved, followed })
 }
 
-/// Longest half-life with which a fit of these rests lags by no more than its bars.
+/// Longest half-life with which a fit of these rests lags by no more than its intervals.
 fn follows(
     Fitted { entries, given, step, fit, .. }: &Fitted<'_>,
     judge: &Judge<'_>,
@@ -143,12 +143,12 @@ fn moved(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets
 }
 
 /// Changes of the readings at rest.
-struct Told {
+struct RestChanges {
     slope: Option<Slope>,
     hints: Vec<Hint>,
 }
 
-fn told(entries: &[JudgedRest], first: Stamp, calibration: &Calibration) -> Told {
+fn told(entries: &[JudgedRest], first: Stamp, calibration: &Calibration) -> RestChanges {
     /// Least significance of a change, in standard deviations of the noise.
     const CLEAR: f64 = 5.0;
     /// Shortest time between two rests in which something happened to the sensor, s.
@@ -189,7 +189,7 @@ fn told(entries: &[JudgedRest], first: Stamp, calibration: &Calibration) -> Told
         let clear = change.component_div(&noise.map(|noise: f64| noise.max(1e-9)));
         hint(pair[1].rest.start.seconds_since(first) - 1e-3, change, noise.max(), clear);
     }
-    Told { slope: slope(&rates), hints }
+    RestChanges { slope: slope(&rates), hints }
 }
 
 /// Change of the reading of each face from its first to its last visit.

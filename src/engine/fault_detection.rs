@@ -45,8 +45,8 @@ pub(super) fn detect(
     let unit = config.gyro_unit.unwrap_or_default();
     let axes = misread(&solution.turned, unit);
     let told = solution.unit_confirmed || axes.as_ref().is_some_and(|fault| fault.kind == FaultKind::Unit);
-    let too_fast = gyroscope.filter(|signal| !told && signal.extremes.peak() > FASTEST);
-    let too_fast = too_fast.map(|signal| of_gyroscope(FaultKind::TooFast, too_fast_text(signal.extremes.peak())));
+    let too_fast = gyroscope.filter(|signal| !told && signal.range.peak() > FASTEST);
+    let too_fast = too_fast.map(|signal| of_gyroscope(FaultKind::TooFast, too_fast_text(signal.range.peak())));
     let dead = gyroscope.and_then(|signal| dead_axis(&signal));
     let dead = dead.map(|axis| of_gyroscope(FaultKind::Dead, dead_gyroscope_text(axis)));
     let relaxing = relaxing_rates(entries, observations::gyroscope_noise(segmenter));
@@ -55,7 +55,7 @@ pub(super) fn detect(
     let stretched = guessed.sensitivity.diagonal().max();
     let stretched = (stretched > STRETCHED).then(|| of_accelerometer(FaultKind::Stretched, stretched_text(stretched)));
     let beyond = config.preset.zip(accelerometer).and_then(|(preset, signal)| {
-        let (peak, range) = (signal.extremes.peak(), preset.datasheet().accelerometer.range);
+        let (peak, range) = (signal.range.peak(), preset.datasheet().accelerometer.range);
         let text = beyond_range_text(peak, range);
         (peak > BEYOND * range).then(|| of_accelerometer(FaultKind::BeyondRange, text))
     });
@@ -145,10 +145,10 @@ fn repeated_share(signal: &Signal) -> Option<f64> {
 /// Axis that never changed while another moved.
 fn dead_axis(signal: &Signal) -> Option<&'static str> {
     const ENOUGH: u64 = 100;
-    let span = (signal.extremes.high - signal.extremes.low).max();
+    let span = (signal.range.high - signal.range.low).max();
     let alive = signal.readings > ENOUGH && signal.step.is_some_and(|step| span > 10.0 * step);
     let axes = ["x", "y", "z"].into_iter().enumerate();
-    axes.filter(|(i, _)| alive && signal.extremes.is_constant(*i)).map(|(_, axis)| axis).next()
+    axes.filter(|(i, _)| alive && signal.range.is_constant(*i)).map(|(_, axis)| axis).next()
 }
 
 /// Mean rates at the ends of a rest in which the gyroscope went to zero, if this is not a single motion that ended

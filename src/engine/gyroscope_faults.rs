@@ -28,7 +28,7 @@ pub(super) fn detect(
     let fault = |kind, text| Fault { sensor: Sensor::Gyroscope, kind, text };
     let rests: Vec<_> = entries.iter().filter(|entry| entry.verdict.is_at_rest()).collect();
     // A sensor that never reads anything else is told as absent or dead.
-    let silenced = (signal.extremes.peak() > 0.0 && is_silenced(&rests)).then(|| {
+    let silenced = (signal.range.peak() > 0.0 && is_silenced(&rests)).then(|| {
         let text = "reads exactly 0 at rest, and other values in motion: the driver leaves out small rates or takes the bias off, \
                     so none can be told. Record the raw rates";
         fault(FaultKind::Silenced, text.to_owned())

@@ -1,4 +1,4 @@
-//! What is known of accelerometers that are not determined.
+//! Partial knowledge of accelerometers that are not determined.
 
 use super::refusal::Refusal;
 use crate::messages::Combination;

@@ -51,7 +51,7 @@ pub(super) fn segment(
 
 pub(super) fn coverage(
     header: messages::Header,
-    book: &RestHistory,
+    history: &RestHistory,
     fixture: &Fixture,
     solution: &Solution,
     obstacle: Option<String>,
@@ -61,7 +61,7 @@ pub(super) fn coverage(
         .iter()
         .enumerate()
         .map(|(i, face)| {
-            let on_face = book
+            let on_face = history
                 .entries()
                 .iter()
                 .filter(|entry| entry.verdict.is_accepted() && entry.verdict.face.is_some_and(|(face, _)| face == i));
@@ -78,17 +78,17 @@ pub(super) fn coverage(
     // A model that needs no faces makes up for missing ones.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let confirmed = status::accelerometer(solution);
-    let next_step = obstacle.unwrap_or_else(|| next_step::next_step(&faces, book.found(), solution, confirmed));
+    let next_step = obstacle.unwrap_or_else(|| next_step::next_step(&faces, history.found(), solution, confirmed));
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 
 pub(super) fn calibration(
     header: messages::Header,
-    book: &RestHistory,
+    history: &RestHistory,
     config: &Config,
     solution: &Solution,
 ) -> messages::Calibration {
-    let used = || book.entries().iter().filter(|entry| entry.verdict.is_accepted());
+    let used = || history.entries().iter().filter(|entry| entry.verdict.is_accepted());
     let temperatures = || used().filter_map(|entry| entry.rest.temperature);
     messages::Calibration {
         header: Some(header),
@@ -98,7 +98,7 @@ pub(super) fn calibration(
         secondary: (0..config.secondary.len()).map(|i| secondary(i, config, solution)).collect(),
         gravity: solution.gravity.value,
         gravity_source: solution.gravity.source.name().to_owned(),
-        segments: book.accepted() as u32,
+        segments: history.accepted() as u32,
         placements: solution.placements as u32,
         begin: used().map(|entry| entry.rest.start).min().map(Into::into),
         end: used().map(|entry| entry.rest.end).max().map(Into::into),

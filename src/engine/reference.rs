@@ -9,7 +9,7 @@ use crate::imu::{Quantity, Sample, Sensor};
 /// Triads beside a reference.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Reference {
-    alignment: TimeInterpolation,
+    interpolation: TimeInterpolation,
     accelerometer: NormalEquations,
     gyroscope: NormalEquations,
 }
@@ -23,22 +23,22 @@ impl Reference {
     /// Creates a reference whose samples are not interpolated across steps longer than `gap_s`, s.
     pub(super) fn new(gap_s: f64) -> Self {
         Self {
-            alignment: TimeInterpolation::new(gap_s),
+            interpolation: TimeInterpolation::new(gap_s),
             accelerometer: NormalEquations::default(),
             gyroscope: NormalEquations::default(),
         }
     }
 
     pub(super) fn push(&mut self, sensor: Sensor, Sample { stamp, value, .. }: &Sample) {
-        let Self { alignment, accelerometer, gyroscope } = self;
+        let Self { interpolation, accelerometer, gyroscope } = self;
         let quantity = match sensor {
-            Sensor::Accelerometer => return alignment.reading(0, *stamp, *value),
-            Sensor::Gyroscope => return alignment.reading(1, *stamp, *value),
+            Sensor::Accelerometer => return interpolation.reading(0, *stamp, *value),
+            Sensor::Gyroscope => return interpolation.reading(1, *stamp, *value),
             Sensor::Secondary(_) => return,
             Sensor::Reference(Quantity::Force) => 0,
             Sensor::Reference(Quantity::Rate) => 1,
         };
-        alignment.reference(quantity, *stamp, *value, &mut |triad, measured, [force, rate]| match triad {
+        interpolation.reference(quantity, *stamp, *value, &mut |triad, measured, [force, rate]| match triad {
             0 => accelerometer.push(&measured, &Truth { own: force, other: rate }),
             _ => gyroscope.push(&measured, &Truth { own: rate, other: force }),
         });

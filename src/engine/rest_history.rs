@@ -30,7 +30,7 @@ pub(super) struct JudgedRest {
     pub(super) count: u64,
     /// Total duration of these rests, s.
     pub(super) seconds: f64,
-    /// What was taken off its mean rate for its temperature, rad/s.
+    /// Amount taken off its mean rate for its temperature, rad/s.
     #[serde(skip)]
     pub(super) rate_taken_off: Vector3<f64>,
 }

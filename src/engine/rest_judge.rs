@@ -187,7 +187,7 @@ fn clipped(rest: &Rest) -> Option<String> {
 fn pinned(mean: &TriadMean, signal: &Signal) -> Option<String> {
     const SHARE: f64 = 0.05;
     const LEAST: u64 = 10;
-    let (rest, stream) = (&mean.extremes, &signal.extremes);
+    let (rest, stream) = (&mean.extremes, &signal.range);
     (0..3).filter(|axis| signal.is_fine() && !stream.is_constant(*axis)).find_map(|axis| {
         let ends = [
             (rest.low[axis], stream.low[axis], rest.at_low[axis]),

@@ -54,7 +54,7 @@ pub(super) struct Solution {
     pub(super) drift: Option<Drift>,
     /// Dependence of the biases on the temperature, if the rests have one.
     pub(super) warmth: Option<Warmth>,
-    /// What is known of accelerometers that are not determined.
+    /// Partial knowledge of accelerometers that are not determined.
     pub(super) partial: Partial,
     /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,

@@ -15,8 +15,8 @@ use super::rest_judge::{Judge, Poses};
 use super::solution::{Missing, Solution};
 use super::turning;
 use crate::fit::{
-    self, Calibration, Check, Estimate, Fixture, Gravity, Model, Parameterisation, Place, Reading, Source, Term,
-    directions, guess, gyroscope, secondary,
+    self, Calibration, Check, EarthLocation, Estimate, Fixture, Gravity, Model, Parameterisation, Reading, Source,
+    Term, directions, guess, gyroscope, secondary,
 };
 use crate::imu::{SecondaryModel, Sensor};
 use crate::messages::segment::Reason;
@@ -27,7 +27,7 @@ use crate::turns::{Explanation, angle_between};
 const LEAST_RESTS: f64 = 3.0;
 
 /// Gravity for the fit.
-pub(super) fn gravity(config: &fit::Config, fix: Option<Place>) -> Gravity {
+pub(super) fn gravity(config: &fit::Config, fix: Option<EarthLocation>) -> Gravity {
     match (config.gravity, config.place(), fix) {
         (Some(value), place, fix) => Gravity { place: place.or(fix), ..Gravity::configured(value) },
         (None, Some(place), _) => Gravity::at(&place, Source::Latitude),
@@ -45,22 +45,22 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
     let verdicts: Vec<Verdict> = entries.iter().map(|entry| entry.verdict.clone()).collect();
 
     let mut refused = Vec::new();
-    let mut attempt = ModelTrial::new(Poses::OnFaces);
+    let mut trial = ModelTrial::new(Poses::OnFaces);
     let mut unchecked_richer: Option<(ModelTrial, Vec<Verdict>, usize)> = None;
     let candidates = candidates(config.fit.model, givens.reference.is_some());
     for &shape in candidates {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
-        attempt = match givens.reference {
+        trial = match givens.reference {
             Some(reference) if beside_reference(shape) => {
                 model_trial::on_reference(entries, judge, &Trial { shape, givens }, reference, start)
             }
             _ => model_trial::on_rests(entries, judge, &Trial { shape, givens }, start),
         };
-        match &attempt.fit {
+        match &trial.fit {
             // A simpler model may err by less than what a wrong rest could hide here.
             Ok(fit) if candidates.last() != Some(&shape) && !fit.is_checked() => {
                 let verdicts = entries.iter().map(|entry| entry.verdict.clone()).collect();
-                let richer = std::mem::replace(&mut attempt, ModelTrial::new(Poses::OnFaces));
+                let richer = std::mem::replace(&mut trial, ModelTrial::new(Poses::OnFaces));
                 unchecked_richer = Some((richer, verdicts, refused.len()));
             }
             Ok(_) => break,
@@ -69,34 +69,34 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
     }
     if let Some((richer, verdicts, refused_before)) = unchecked_richer {
         let error = |trial: &ModelTrial| trial.fit.as_ref().ok().map(|fit| fit.worst_case_error(givens.gravity.value));
-        match (error(&richer), error(&attempt)) {
+        match (error(&richer), error(&trial)) {
             (Some(worst), Some(simpler)) if simpler < worst => {
                 refused.extend(richer.fit.iter().map(|fit| (fit.shape, Refusal::Unchecked { worst, simpler })));
             }
             _ => {
                 refused.truncate(refused_before);
                 entries.iter_mut().zip(verdicts).for_each(|(entry, verdict)| entry.verdict = verdict);
-                attempt = richer;
+                trial = richer;
             }
         }
     }
-    if attempt.fit.is_err() {
+    if trial.fit.is_err() {
         refused.pop();
     }
-    let mut turning = attempt.fit.as_ref().ok().and_then(|fit| turning::fit(entries, judge, givens, fit));
-    let shape = attempt.fit.as_ref().ok().map(|fit| fit.shape);
+    let mut turning = trial.fit.as_ref().ok().and_then(|fit| turning::fit(entries, judge, givens, fit));
+    let shape = trial.fit.as_ref().ok().map(|fit| fit.shape);
     if let Some(shape) = shape.filter(|shape| givens.reference.is_none() || !beside_reference(*shape)) {
-        attempt.look_for_drift(entries, judge, &Trial { shape, givens }, start, turning.as_ref());
+        trial.look_for_drift(entries, judge, &Trial { shape, givens }, start, turning.as_ref());
     }
     if let Some(turning) = &mut turning {
-        turning::complete(&mut attempt, turning, judge, givens);
+        turning::complete(&mut trial, turning, judge, givens);
         refused.retain(|(shape, _)| !(turning.completed && *shape == Parameterisation::TRIANGULAR));
     }
-    let primary = attempt.fit.as_ref().ok();
-    let unchecked = primary.map_or(Vec::new(), |fit| unchecked(fit, &attempt.seen, judge.fixture));
+    let primary = trial.fit.as_ref().ok();
+    let unchecked = primary.map_or(Vec::new(), |fit| unchecked(fit, &trial.seen, judge.fixture));
     let advice =
-        advice::PoseAdviser { entries, judge, givens, attempt: &attempt, turning: turning.as_ref() }.advise(&unchecked);
-    let solution = others(entries, judge, config, givens, refused, attempt);
+        advice::PoseAdviser { entries, judge, givens, trial: &trial, turning: turning.as_ref() }.advise(&unchecked);
+    let solution = others(entries, judge, config, givens, refused, trial);
     Solution { guessed: start, unchecked, advice, ..turning::of_gyroscope(solution, turning) }
 }
 
@@ -151,8 +151,8 @@ fn others(
     let credible = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).count();
     // Until the accelerometer is calibrated its raw reading is vertical enough.
     let vertical = observations::rates(entries, noise, config, Some(&calibration.unwrap_or_default()));
-    let gyro_posed = is_posed(&vertical);
-    let refusal = steady_turn(entries, &vertical, credible, gyro_posed, still.max_turn / 2.0);
+    let several_poses = shows_several_poses(&vertical);
+    let refusal = steady_turn(entries, &vertical, credible, several_poses, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
     let rich = match (primary.map(|fit| fit.shape), givens.reference) {
         (Some(Parameterisation::FULL_ACCELEROMETER), Some(reference)) => {
@@ -187,11 +187,11 @@ fn others(
             .filter(|entry| entry.verdict.is_at_rest())
             .find_map(|entry| observations::relaxed(entry, noise)),
         gyro_turned: entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count(),
-        gyro_posed,
+        gyro_posed: several_poses,
         gyroscope: rich
             .or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed && refusal.is_none()))
             .map(|mut fit| {
-                if !gyro_posed && fit.shape == Parameterisation::BIAS {
+                if !several_poses && fit.shape == Parameterisation::BIAS {
                     doubt_vertical(&mut fit, &vertical);
                 }
                 let step = judge.segmenter.signal(Sensor::Gyroscope).and_then(|signal| signal.step);
@@ -211,7 +211,7 @@ fn others(
 }
 
 /// Adds the Earth's rotation to the true rate at rest: only its vertical component, since north is unknown.
-fn turn_with_the_earth(reading: &mut Reading, place: &Place) {
+fn turn_with_the_earth(reading: &mut Reading, place: &EarthLocation) {
     if let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) {
         reading.truth.own = up * place.vertical_rate();
     }
@@ -251,7 +251,7 @@ fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> 
 
 /// Whether rests tell a bias from a steady turn about the vertical, as on a turntable: in poses with different verticals,
 /// or in so many placements that they would not all have turned at one rate.
-fn is_posed(rates: &[Reading]) -> bool {
+fn shows_several_poses(rates: &[Reading]) -> bool {
     /// Least angle between two verticals, rad.
     const OTHER_POSE: f64 = 0.35;
     const MANY: usize = 4;
@@ -261,14 +261,20 @@ fn is_posed(rates: &[Reading]) -> bool {
 }
 
 /// Refusal of a gyroscope's bias: too many rests that turned, or a rate about the vertical in a single pose.
-fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed: bool, most: f64) -> Option<Refusal> {
+fn steady_turn(
+    entries: &[JudgedRest],
+    rates: &[Reading],
+    at_rest: usize,
+    several_poses: bool,
+    most: f64,
+) -> Option<Refusal> {
     let turning = entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count();
     // Most rests must agree before the others count as turning.
     if 2 * turning > at_rest {
         return Some(Refusal::Turning { turning, rests: turning + at_rest });
     }
     let rate = rates.iter().map(about_vertical).fold(0.0, |most: f64, rate| most.max(rate.abs()));
-    (!posed && rate > most).then_some(Refusal::OneRun { rate })
+    (!several_poses && rate > most).then_some(Refusal::OneRun { rate })
 }
 
 /// Widens the bias for a single pose, where the rate about the vertical may be a turn as well as a bias.

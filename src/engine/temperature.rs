@@ -24,7 +24,7 @@ use crate::still::{Rest, TriadMean};
 
 /// Longest time between a rest without temperature and the one whose temperature it is taken to have, s.
 const NEAR: f64 = 60.0;
-/// What the rests of a placement scatter by, as a share of what placements do, until they show it.
+/// Scatter of the rests of a placement, as a share of that of placements, until they show it.
 const WITHIN: f64 = 0.1;
 
 /// Learns how the biases depend on the temperature from rests that were judged and fitted without; `None` if there is no

@@ -60,22 +60,22 @@ pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solu
 }
 
 /// Improves the accelerometer by the turns if that reduces its error: one on the faces becomes triangular.
-pub(super) fn complete(attempt: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
+pub(super) fn complete(trial: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
     let config = judge.fit;
     let wanted = config.model == Model::Auto && config.estimator == Estimator::Magnitude && config.loss == Loss::Square;
-    let (Ok(found), Ok(fit)) = (&turning.found, &attempt.fit) else { return };
+    let (Ok(found), Ok(fit)) = (&turning.found, &trial.fit) else { return };
     if !wanted {
         return;
     }
-    let richer = match (fit.shape, attempt.poses) {
-        (Parameterisation::TRIANGULAR, _) => richer(attempt, fit, found, judge, givens),
-        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => richer(attempt, fit, found, judge, givens),
+    let richer = match (fit.shape, trial.poses) {
+        (Parameterisation::TRIANGULAR, _) => richer(trial, fit, found, judge, givens),
+        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => richer(trial, fit, found, judge, givens),
         _ => None,
     };
     let gravity = givens.gravity.value;
     let richer = richer.filter(|richer| richer.agrees());
     if let Some(richer) = richer.filter(|richer| richer.reading_error(gravity) < fit.reading_error(gravity)) {
-        attempt.fit = Ok(richer);
+        trial.fit = Ok(richer);
         turning.completed = true;
     }
 }
@@ -105,15 +105,15 @@ pub(super) fn triangular(
 
 /// Triangular accelerometer from the placements of a trial and the turns, with the doubts about the trial.
 fn richer(
-    attempt: &ModelTrial,
+    trial: &ModelTrial,
     fit: &Estimate,
     found: &TurnEstimate,
     judge: &Judge<'_>,
     givens: &Givens<'_>,
 ) -> Option<Estimate> {
-    let observations: Vec<_> = attempt.seen.iter().map(|placed| placed.observation).collect();
-    let mut richer = triangular(&observations, attempt.poses, found, judge, givens)?;
-    for doubt in attempt.doubts.iter().map(|doubt| &doubt.moved).chain(attempt.drift.iter().map(|drift| &drift.moved)) {
+    let observations: Vec<_> = trial.seen.iter().map(|placed| placed.observation).collect();
+    let mut richer = triangular(&observations, trial.poses, found, judge, givens)?;
+    for doubt in trial.doubts.iter().map(|doubt| &doubt.moved).chain(trial.drift.iter().map(|drift| &drift.moved)) {
         // Doubts about bias and scale on the faces; the entries below the diagonal come from the turns.
         let mut moved = DVector::zeros(richer.parameters.len());
         for (from, doubt) in doubt.iter().enumerate().take(fit.parameters.len()) {

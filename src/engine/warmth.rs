@@ -1,10 +1,10 @@
-//! How the biases of an IMU depend on the temperature, as far as that is told.
+//! Dependence of an IMU's biases on the temperature, as far as that is told.
 
 use nalgebra::Vector3;
 
 use crate::fit::temperature::{BiasCourse, Unclear};
 
-/// How the biases depend on the temperature, or why that is not told.
+/// Dependence of the biases on the temperature, or the reason why that is not told.
 #[derive(Clone, Debug)]
 pub(super) struct Warmth {
     pub(super) accelerometer: Result<BiasCourse, Unclear>,
@@ -12,7 +12,7 @@ pub(super) struct Warmth {
 }
 
 impl Warmth {
-    /// What an accelerometer reads more at a temperature, °C, than at that of reference, m/s².
+    /// Excess of an accelerometer's reading at a temperature, °C, over that at the temperature of reference, m/s².
     pub(super) fn force(&self, celsius: Option<f64>) -> Vector3<f64> {
         change(&self.accelerometer, celsius)
     }

@@ -85,16 +85,16 @@ pub fn fit_with(observations: &[Observation], given: &Assumptions<'_>, told: Opt
     };
     // The scatter and the tilts of the first fit set the weights of the second.
     let first = solve(given.placement_std * given.placement_std, None)?;
-    let bars = Uncertainty::learn(given.shape, &first.solved, Sharing::All, given.assumed());
-    let second = solve(bars.between(0), Some(&first.calibration))?;
-    let mut estimate = summarise(observations, given, &bars, second);
+    let uncertainty = Uncertainty::learn(given.shape, &first.solved, Sharing::All, given.assumed());
+    let second = solve(uncertainty.between(0), Some(&first.calibration))?;
+    let mut estimate = summarise(observations, given, &uncertainty, second);
     if !estimate.active.is_empty() {
         // A fit without bounds shows where the data alone put the parameters.
         let free = Bounds::none();
         let free = Assumptions { bounds: &free, start: estimate.calibration(), ..*given };
         let stage = match given.estimator {
-            Estimator::Fixture => on_fixture(observations, &free, bars.between(0), None),
-            Estimator::Magnitude => on_magnitude(observations, &free, told, bars.between(0), free.start),
+            Estimator::Fixture => on_fixture(observations, &free, uncertainty.between(0), None),
+            Estimator::Magnitude => on_magnitude(observations, &free, told, uncertainty.between(0), free.start),
         };
         estimate.doubt_bound(&given.shape.vector(&stage?.calibration));
     }
@@ -229,7 +229,12 @@ impl MagnitudeEquation {
     }
 }
 
-fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncertainty, stage: Stage) -> Estimate {
+fn summarise(
+    observations: &[Observation],
+    given: &Assumptions<'_>,
+    uncertainty: &Uncertainty,
+    stage: Stage,
+) -> Estimate {
     let lines: Vec<_> =
         observations.iter().map(|seen| MagnitudeEquation::of(seen, given, &stage.calibration)).collect();
     let weight =
@@ -238,15 +243,15 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
     let squares: f64 = lines.iter().map(|line| line.residual * line.residual * weight(line)).sum();
     let white = lines.iter().map(|line| line.noise).sum::<f64>() / lines.len() as f64;
     let gain = stage.solved.gain();
-    let leak = if given.shape.unmodelled().next().is_some() { bars.leak_rms } else { given.cross_axis_std };
+    let leak = if given.shape.unmodelled().next().is_some() { uncertainty.leak_rms } else { given.cross_axis_std };
     let beside = by_gravity(given, &stage.calibration)
         + by_lengths(given, &stage.calibration, leak)
         + by_squares(given, &stage.calibration);
     let numbers = observations.iter().map(|seen| seen.placement);
     let origin = Origin {
-        systematic: bars.leakage(&stage.solved, &gain) + &beside,
+        systematic: uncertainty.leakage(&stage.solved, &gain) + &beside,
         influence: numbers.zip(stage.solved.influence(&gain)).collect(),
-        between: bars.between_placements(),
+        between: uncertainty.between_placements(),
     };
     let mut reliability = Reliability::of(&stage.solved, &gain, GROSS_ERROR);
     // The equations of the turns come after those of the placements.
@@ -254,14 +259,14 @@ fn summarise(observations: &[Observation], given: &Assumptions<'_>, bars: &Uncer
     Estimate {
         shape: given.shape,
         parameters: given.shape.vector(&stage.calibration),
-        covariance: bars.covariance(given.shape, &stage.solved, &gain, &beside.into()),
-        unmodelled_std: bars.leak_rms,
+        covariance: uncertainty.covariance(given.shape, &stage.solved, &gain, &beside.into()),
+        unmodelled_std: uncertainty.leak_rms,
         inherited_std: 0.0,
         residual_rms: (squares / weights).sqrt(),
         residual_limit: (5.0 * libm::hypot(white.sqrt(), given.placement_std)).max(ALLOWANCE),
-        chi2_per_dof: bars.chi2_per_dof(),
-        freedom: bars.freedom(),
-        placement_std: bars.placement_std(),
+        chi2_per_dof: uncertainty.chi2_per_dof(),
+        freedom: uncertainty.freedom(),
+        placement_std: uncertainty.placement_std(),
         condition: stage.solved.solution.condition(),
         reliability: Some(reliability),
         active: stage.solved.solution.active,

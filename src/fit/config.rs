@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::bound::Bounds;
-use super::gravity::Place;
+use super::gravity::EarthLocation;
 use super::temperature::TemperatureFit;
 
 /// Settings of the fit.
@@ -89,8 +89,8 @@ impl Default for Config {
 
 impl Config {
     /// Configured place, if there is a latitude.
-    pub fn place(&self) -> Option<Place> {
-        self.latitude_deg.map(|latitude_deg| Place { latitude_deg, height_m: self.height_m })
+    pub fn place(&self) -> Option<EarthLocation> {
+        self.latitude_deg.map(|latitude_deg| EarthLocation { latitude_deg, height_m: self.height_m })
     }
 }
 

@@ -14,7 +14,7 @@ pub struct Gravity {
     /// Source of the value.
     pub source: Source,
     /// Place of the recording, if known.
-    pub place: Option<Place>,
+    pub place: Option<EarthLocation>,
 }
 
 /// Source of a value of gravity.
@@ -44,7 +44,7 @@ impl Source {
 
 /// Place on the Earth, as far as gravity and the Earth's rotation depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Place {
+pub struct EarthLocation {
     /// Geodetic latitude, degrees north.
     pub latitude_deg: f64,
     /// Height above the ellipsoid of WGS 84, m, if known.
@@ -84,14 +84,14 @@ impl Gravity {
     }
 
     /// Normal gravity of a place.
-    pub fn at(place: &Place, source: Source) -> Self {
+    pub fn at(place: &EarthLocation, source: Source) -> Self {
         let height_std = if place.height_m.is_some() { KNOWN_HEIGHT } else { UNKNOWN_HEIGHT };
         let std = libm::hypot(ANOMALY, GRADIENT * height_std);
         Self { value: place.normal_gravity(), std, source, place: Some(*place) }
     }
 }
 
-impl Place {
+impl EarthLocation {
     /// Whether the place exists, within reach of vehicles.
     pub fn is_valid(&self) -> bool {
         self.latitude_deg.abs() <= 90.0 && self.height_m.is_none_or(|height| (-12_000.0..=100_000.0).contains(&height))
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     fn at(latitude_deg: f64, height: f64) -> f64 {
-        Gravity::at(&Place { latitude_deg, height_m: Some(height) }, Source::Latitude).value
+        Gravity::at(&EarthLocation { latitude_deg, height_m: Some(height) }, Source::Latitude).value
     }
 
     #[test]
@@ -146,7 +146,7 @@ mod tests {
     fn measured_gravity_lies_within_the_uncertainty() {
         // The absolute stations of the network IGSN 71 at Potsdam and at Sèvres.
         for (latitude_deg, height, measured) in [(52.38, 87.0, 9.812_60), (48.83, 66.0, 9.809_26)] {
-            let place = Place { latitude_deg, height_m: Some(height) };
+            let place = EarthLocation { latitude_deg, height_m: Some(height) };
             let gravity = Gravity::at(&place, Source::Latitude);
             assert!((gravity.value - measured).abs() < 2.5 * gravity.std, "{gravity:?} {measured}");
         }
@@ -163,9 +163,9 @@ mod tests {
 
     #[test]
     fn the_earth_turns_about_the_pole() {
-        let north = Place { latitude_deg: 90.0, height_m: None };
+        let north = EarthLocation { latitude_deg: 90.0, height_m: None };
         assert_eq!(north.vertical_rate(), EARTH_RATE);
-        let south = Place { latitude_deg: -30.0, height_m: None };
+        let south = EarthLocation { latitude_deg: -30.0, height_m: None };
         assert!((south.vertical_rate() + EARTH_RATE / 2.0).abs() < 1e-15);
     }
 }

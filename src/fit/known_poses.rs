@@ -57,7 +57,7 @@ pub fn fit(observations: &[Observation], given: &Assumptions<'_>, accuracy: f64)
     let mut by_gravity = solved.solution.x.clone() / given.gravity.value;
     by_gravity.fixed_rows_mut::<3>(0).fill(0.0);
     other += &by_gravity * by_gravity.transpose() * given.gravity.std.powi(2);
-    let between = regression.bars.between_placements();
+    let between = regression.uncertainty.between_placements();
     let estimate = regression.estimate(&other.into(), ALLOWANCE);
     let origin = Origin { systematic: estimate.covariance.clone(), influence: Vec::new(), between };
     Ok(Estimate { origin: Some(origin), ..estimate })

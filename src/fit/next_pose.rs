@@ -21,7 +21,7 @@ pub struct PoseSearch<'a> {
     pub seen: &'a [Observation],
     /// Assumptions of a fit of a lower-triangular S, with the calibration so far as its start.
     pub given: &'a Assumptions<'a>,
-    /// What turns say of the accelerometer.
+    /// Information of the turns on the accelerometer.
     pub told: Option<&'a Told>,
     /// Scatter of specific force between placements, standard deviation, m/s².
     pub scatter: f64,

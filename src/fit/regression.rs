@@ -33,7 +33,7 @@ pub(super) struct Regression {
     pub(super) solved: Solved,
     /// Derivative of the unknowns with respect to each weighted target.
     pub(super) gain: DMatrix<f64>,
-    pub(super) bars: Uncertainty,
+    pub(super) uncertainty: Uncertainty,
     assumed: Assumed,
     /// Residual rms expected from noise alone.
     white_rms: f64,
@@ -66,36 +66,36 @@ pub(super) fn regress(
     // The sensitivity and the scatter of the first regression set the weights of the second.
     let first = solve(&Vector3::repeat(assumed.placement.powi(2)), &Calibration::default(), limits)?;
     let calibration = shape.calibration(&first.solution.x);
-    let bars = Uncertainty::learn(shape, &first, sharing, assumed);
-    let solved = solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration, limits)?;
+    let uncertainty = Uncertainty::learn(shape, &first, sharing, assumed);
+    let solved = solve(&Vector3::from_fn(|axis, _| uncertainty.between(axis)), &calibration, limits)?;
     let white: f64 = readings.iter().map(|reading| noise(reading, &calibration).sum()).sum();
     let white_rms = (white / (3 * readings.len()).max(1) as f64).sqrt();
     let unlimited = match solved.solution.active.is_empty() {
         true => None,
         false => {
             let none = linear_system::limits(shape, |_| [f64::NEG_INFINITY, f64::INFINITY]);
-            Some(solve(&Vector3::from_fn(|axis, _| bars.between(axis)), &calibration, &none)?.solution.x)
+            Some(solve(&Vector3::from_fn(|axis, _| uncertainty.between(axis)), &calibration, &none)?.solution.x)
         }
     };
-    Ok(Regression { shape, gain: solved.gain(), solved, bars, assumed, white_rms, unlimited })
+    Ok(Regression { shape, gain: solved.gain(), solved, uncertainty, assumed, white_rms, unlimited })
 }
 
 impl Regression {
     /// Converts the regression to an estimate, with `other` for what the readings do not show. A residual rms that
     /// neither noise nor scatter explains is accepted up to `allowance`.
     pub(super) fn estimate(self, other: &Other, allowance: f64) -> Estimate {
-        let Self { shape, solved, gain, bars, assumed, white_rms, unlimited } = self;
+        let Self { shape, solved, gain, uncertainty, assumed, white_rms, unlimited } = self;
         let reliability = Reliability::of(&solved, &gain, GROSS_ERROR);
         let mut estimate = Estimate {
             shape,
-            covariance: bars.covariance(shape, &solved, &gain, other),
-            unmodelled_std: bars.leak_rms,
+            covariance: uncertainty.covariance(shape, &solved, &gain, other),
+            unmodelled_std: uncertainty.leak_rms,
             inherited_std: 0.0,
-            residual_rms: bars.left_rms,
+            residual_rms: uncertainty.left_rms,
             residual_limit: (5.0 * libm::hypot(white_rms, assumed.placement)).max(allowance),
-            chi2_per_dof: bars.chi2_per_dof(),
-            freedom: bars.freedom(),
-            placement_std: bars.placement_std(),
+            chi2_per_dof: uncertainty.chi2_per_dof(),
+            freedom: uncertainty.freedom(),
+            placement_std: uncertainty.placement_std(),
             condition: solved.solution.condition(),
             reliability: Some(reliability),
             active: solved.solution.active.clone(),

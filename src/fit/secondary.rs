@@ -96,7 +96,7 @@ pub fn fit(
         // The leaks of the primary turn part of an axis into the next, and the leaks of the secondary turn part of it
         // back.
         for (i, _) in shape.terms().iter().enumerate().filter(|(_, term)| matches!(term, Term::Own(..))) {
-            other[(i, i)] += 2.0 * (regression.bars.leak_rms * primary.unmodelled_std).powi(2);
+            other[(i, i)] += 2.0 * (regression.uncertainty.leak_rms * primary.unmodelled_std).powi(2);
         }
     }
     let other = Other { covariance: other, spread: more.map(|more| more * more * spread) };

@@ -82,7 +82,7 @@ const LIKELIER: f64 = 3.0;
 /// the unit of the triad). The coefficients are about the temperature `reference`, °C.
 ///
 /// # Errors
-/// Why it is not told.
+/// Reason why it is not told.
 pub fn learn(
     readings: &[WarmReading],
     lengths: Between<'_>,

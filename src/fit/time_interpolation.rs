@@ -114,16 +114,16 @@ mod tests {
     /// Pairs of a triad that reads the force itself at 130 Hz, beside a reference at 100 Hz without its samples in a
     /// gap.
     fn aligned(gap: std::ops::Range<i64>) -> Vec<(Vector3<f64>, [Vector3<f64>; 2])> {
-        let mut alignment = TimeInterpolation::new(0.1);
+        let mut interpolation = TimeInterpolation::new(0.1);
         let mut pairs = Vec::new();
         for i in 0..13_000_i64 {
             let stamp = Stamp::from_nanos(i * 100_000);
             if i % 77 == 0 {
-                alignment.reading(3, stamp, truth(stamp)[0]);
+                interpolation.reading(3, stamp, truth(stamp)[0]);
             }
             if i % 100 == 0 && !gap.contains(&i) {
                 for quantity in [1, 0] {
-                    alignment.reference(quantity, stamp, truth(stamp)[quantity], &mut |triad, value, reference| {
+                    interpolation.reference(quantity, stamp, truth(stamp)[quantity], &mut |triad, value, reference| {
                         assert_eq!(triad, 3);
                         pairs.push((value, reference));
                     });

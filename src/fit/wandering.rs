@@ -76,7 +76,7 @@ impl Wandering {
 
 /// Movement with what speaks for it.
 struct Hypothesis {
-    /// What it explains over what chance may explain; beyond 1 it is accepted.
+    /// Ratio of what it explains to what chance may explain; beyond 1 it is accepted.
     over: f64,
     /// Squares that it explains, less what further unknowns explain by chance.
     explained: f64,
@@ -155,10 +155,10 @@ impl Courses {
     }
 
     /// Largest shift of the unknowns by a step of an axis, in their standard deviations.
-    fn moves(&self, hint: &Hint, bars: &[f64]) -> f64 {
+    fn moves(&self, hint: &Hint, stds: &[f64]) -> f64 {
         let mut moved = self.shift(hint.axis, |time| if time > hint.time { hint.change } else { 0.0 });
         let over = |moved: &DVector<f64>| {
-            moved.iter().zip(bars).map(|(moved, bar)| moved.abs() / bar.max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
+            moved.iter().zip(stds).map(|(moved, std)| moved.abs() / std.max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
         };
         let before = over(&moved);
         // The biases come first.
@@ -182,13 +182,13 @@ pub fn wandering(
 }
 
 /// Largest hint that the placements do not exclude as a step of the bias and that would move an unknown by more than
-/// its bar (one standard deviation).
+/// its standard deviation.
 pub fn unexcluded(
     seen: &[(f64, Observation)],
     given: &Assumptions<'_>,
     calibration: &Calibration,
     hints: &[Hint],
-    bars: &[f64],
+    stds: &[f64],
     turns: Option<&BiasCourses>,
 ) -> Option<Hint> {
     // A change within the scatter of placements is in the bars.
@@ -198,7 +198,7 @@ pub fn unexcluded(
     }
     let courses = Courses::of(seen, given, calibration, turns)?;
     let counts =
-        |hint: &&Hint| hint.change.abs() > scatter && courses.moves(hint, bars) > 1.0 && !courses.excludes(hint);
+        |hint: &&Hint| hint.change.abs() > scatter && courses.moves(hint, stds) > 1.0 && !courses.excludes(hint);
     hints.iter().filter(counts).max_by(|a, b| a.change.abs().total_cmp(&b.change.abs())).copied()
 }
 

@@ -2,6 +2,7 @@
 //! since. They are part of what `strip` gives back, so they stay.
 
 use super::sources::Sources;
+use crate::topic::MARK;
 
 /// Note on a recording whose channels hold annotations; `None` if none do.
 pub(crate) fn annotated_before(sources: &Sources) -> Option<String> {
@@ -14,6 +15,6 @@ pub(crate) fn annotated_before(sources: &Sources) -> Option<String> {
     Some(format!(
         "holds annotations of an earlier run ({first}{further}), which another program copied or filtered: they stay, and the new \
          ones stand beside them. To leave the old ones out, `mcap filter RECORDING -o FILTERED --exclude-topic-regex \
-         '.*/stillpoint/.*'` first, and annotate that; to write the new ones apart, annotate --sidecar"
+         '.*{MARK}.*'` first, and annotate that; to write the new ones apart, annotate --sidecar"
     ))
 }

@@ -1,12 +1,14 @@
 //! Events reported while a recording is followed. Showing them, on a terminal, as lines or in a viewer, is left to the
 //! receiver.
 
+use std::time::Duration;
+
 use crate::engine;
 use crate::record::{Annotation, Channel, Damage, Message, Schema, Topic};
 use crate::report::Findings;
 use crate::still::Status;
 
-/// Receiver of news.
+/// Receiver of notices.
 pub type Notify<'a> = &'a mut dyn FnMut(Notice<'_>);
 
 /// One reported event.
@@ -61,6 +63,13 @@ pub enum Notice<'a> {
     Damage(&'a Damage),
     /// All existing bytes have been read.
     Read(Progress),
+    /// The state was encoded, to be saved. No other event comes meanwhile.
+    Saved {
+        /// Length of the checkpoint in bytes.
+        length: u64,
+        /// Time that the encoding held the reader up.
+        encoding: Duration,
+    },
     /// A problem, after which the operation is retried.
     Trouble(&'a str),
     /// The recording has ended, for this reason. The annotated recording is being written.

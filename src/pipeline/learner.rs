@@ -4,29 +4,33 @@
 //! [`annotate`](crate::run::annotate()).
 
 mod engine_setup;
+mod finish;
+mod imu_state;
+mod learned;
 mod notes;
+mod publish;
 mod restore;
+mod use_message;
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use self::engine_setup::{engine_config, is_called, topic_of};
+use self::engine_setup::topic_of;
+use self::imu_state::ImuState;
+pub(crate) use self::learned::Learned;
 pub(crate) use self::notes::{not_corrected, uncorrected};
-use crate::Stamp;
-use crate::annotate::{Annotator, Corrected, Corrections, is_only_partial};
+use crate::annotate::Annotator;
 use crate::config::Config;
-use crate::engine::{self, Engine, Message};
-use crate::fit::{Gravity, Place, Source};
-use crate::imu::{ChannelRole, Imu, ImuId, Position, Reading, Sensor, Timing};
-use crate::messages::foxglove::Log;
+use crate::engine;
+use crate::fit::EarthLocation;
+use crate::imu::{Imu, ImuId, Reading, Sensor, Timing};
 use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::sources::Sources;
 use crate::pipeline::time_order::TimeOrder;
-use crate::printable;
-use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Topic};
+use crate::record::{Block, Damage, Event, Topic};
 use crate::report::Findings;
 
 /// Number of damages that are kept one by one. Further ones are only counted.
@@ -43,7 +47,7 @@ pub(crate) struct Learner {
     timing: Timing,
     /// Prefix for the damages of this split, if there are several splits.
     split: Option<String>,
-    imus: Vec<Learning>,
+    imus: Vec<ImuState>,
     annotator: Annotator,
     begun: bool,
     closed: bool,
@@ -55,7 +59,7 @@ pub(crate) struct Learner {
     /// Log time of the last message that is used, or of the first one until then, in nanoseconds.
     log_time: u64,
     /// Place of the recording, once known.
-    place: Option<Place>,
+    place: Option<EarthLocation>,
     #[serde(skip)]
     readings: Vec<(ImuId, Sensor, Reading)>,
     /// Readings after the correction of their times.
@@ -63,34 +67,6 @@ pub(crate) struct Learner {
     timed: Vec<(ImuId, Sensor, Reading)>,
     #[serde(skip)]
     events: Vec<engine::Event>,
-}
-
-/// State of one IMU.
-#[derive(Serialize, Deserialize)]
-struct Learning {
-    engine: Engine,
-    /// Not saved, since the annotations contain the same.
-    #[serde(skip)]
-    findings: Findings,
-    /// Corrections by the calibration in force.
-    corrections: Option<Corrections>,
-}
-
-/// Results of a recording.
-#[derive(Debug)]
-pub(crate) struct Learned {
-    pub(crate) imus: Vec<Findings>,
-    /// All channels, and their roles.
-    pub(crate) channels: Vec<(Channel, ChannelRole)>,
-    /// Refusals and missing inputs, one line each.
-    pub(crate) notes: Vec<String>,
-    /// Whether an IMU's channels follow each other in the file and were not read in time order.
-    pub(crate) apart: bool,
-    /// First damages.
-    pub(crate) damage: Vec<Damage>,
-    pub(crate) damages: u64,
-    /// Annotator with all topics, which can continue.
-    pub(crate) annotator: Annotator,
 }
 
 impl Learner {
@@ -142,7 +118,7 @@ impl Learner {
 
     /// Reports the state of each IMU.
     pub(crate) fn tell_imus(&self, notify: Notify<'_>) {
-        for Learning { engine, findings, .. } in &self.imus {
+        for ImuState { engine, findings, .. } in &self.imus {
             notify(Notice::Imu { findings, status: engine.status() });
         }
     }
@@ -270,131 +246,6 @@ impl Learner {
         self.end_split();
     }
 
-    /// Results of the recording.
-    pub(crate) fn finish(mut self, notify: Notify<'_>) -> Learned {
-        if !self.closed {
-            self.close(notify);
-        }
-        let faults = self.sources.intake.faults().into_iter().map(|fault| fault.to_string());
-        let causal = self.config.output.corrected == Corrected::Causal;
-        let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
-        let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
-        let apart = self.apart().is_some();
-        let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck);
-        let notes = notes.chain(self.unused_rotations()).collect();
-        let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
-        Learned {
-            imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
-            channels: channels.collect(),
-            notes,
-            apart,
-            damage: self.damage,
-            damages: self.damages,
-            annotator: self.annotator,
-        }
-    }
-
-    /// Declared rotations that are of no use, one line each.
-    fn unused_rotations(&self) -> Vec<String> {
-        let imus = self.sources.intake.imus();
-        let named = self.config.fit.rotations.iter().filter_map(|rotation| rotation.imu.as_ref());
-        let unknown = named.filter(|name| !imus.iter().any(|imu| is_called(imu, name)));
-        let unknown: BTreeSet<_> = unknown.map(|name| format!("fit.rotations: no IMU is called {name}")).collect();
-        let unused = imus.iter().zip(&self.imus).flat_map(|(imu, learning)| {
-            learning.engine.unused_rotations().iter().map(|text| format!("{}: {text}", imu.name))
-        });
-        unknown.into_iter().chain(unused).collect()
-    }
-
-    /// Corrections to the times of the readings, one line each.
-    fn timing_remarks(&self) -> Vec<String> {
-        let imus = self.sources.intake.imus().iter().enumerate();
-        let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
-        ids.flat_map(|(id, imu)| self.timing.remarks(id).into_iter().map(move |text| format!("{}: {text}", imu.name)))
-            .chain(self.time_order.remark())
-            .collect()
-    }
-
-    fn use_message(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
-        self.log_time = message.log_time;
-        self.message(message, notify);
-        self.correct(message, notify);
-    }
-
-    fn message(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
-        if let Some(fix) = self.sources.intake.fix(message.channel, message.data) {
-            self.locate(fix, notify);
-        }
-        let readings = &mut self.readings;
-        let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
-        self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
-        let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
-        notify(Notice::Message { message, samples: samples.count() });
-        for imu in self.sources.intake.imus().iter().skip(self.imus.len()) {
-            let mut engine = Engine::new(engine_config(imu, &self.config));
-            self.place.into_iter().for_each(|place| engine.locate(place));
-            let findings = self.nothing_of(imu);
-            self.imus.push(Learning { engine, findings, corrections: None });
-        }
-        for notice in self.sources.intake.take_notices() {
-            self.log(Level::Warning, notice.text, notify);
-        }
-        for (imu, celsius) in self.sources.intake.take_temperatures() {
-            self.imus.get_mut(imu.index()).into_iter().for_each(|learning| learning.engine.warm(celsius));
-        }
-        let Self { timing, readings, timed, .. } = self;
-        timing.pass(message.channel, message.log_time, readings, &mut |read| timed.push(read));
-        self.readings.clear();
-        self.push_timed(notify);
-    }
-
-    /// Passes the readings whose turn has come to the engines.
-    fn push_timed(&mut self, notify: Notify<'_>) {
-        for i in 0..self.timed.len() {
-            let Some(&(imu, sensor, reading)) = self.timed.get(i) else { break };
-            let imu = imu.index();
-            let Some(learning) = self.imus.get_mut(imu) else { continue };
-            match reading {
-                Reading::Sample(sample) => learning.engine.push(sensor, &sample, &mut self.events),
-                Reading::Clipped(stamp) => learning.engine.clipped(sensor, stamp),
-                Reading::NewRound { stamp, log_time } => {
-                    learning.engine.begin_round(sensor, stamp, log_time, &mut self.events);
-                }
-            }
-            if !self.events.is_empty() {
-                self.publish(imu, notify);
-            }
-        }
-        self.timed.clear();
-    }
-
-    /// Writes the corrected message, by the calibrations in force.
-    fn correct(&mut self, message: &Recorded<'_>, notify: Notify<'_>) {
-        if self.config.output.corrected == Corrected::Causal {
-            let by = |imu: ImuId| self.imus.get(imu.index()).and_then(|imu| imu.corrections.as_ref());
-            let notify = |annotator: &Annotator| {
-                if let Some((topic, annotation)) = last_of(annotator) {
-                    notify(Notice::Corrected { topic, annotation });
-                }
-            };
-            self.corrector.correct(message, &self.sources, by, &mut self.annotator, &mut self.blocks, notify);
-        }
-    }
-
-    /// Sets the place of the recording.
-    fn locate(&mut self, Position { latitude_deg, height_m }: Position, notify: Notify<'_>) {
-        let place = Place { latitude_deg, height_m };
-        self.place = Some(place);
-        self.imus.iter_mut().for_each(|imu| imu.engine.locate(place));
-        if self.config.fit.gravity.is_none() && self.config.fit.latitude_deg.is_none() {
-            let gravity = Gravity::at(&place, Source::FixTopic);
-            let height = height_m.map(|height| format!(" and {height:.0} m")).unwrap_or_default();
-            let text =
-                format!("gravity is {:.5} ± {:.4} m/s² at {latitude_deg:.3}°{height}", gravity.value, gravity.std);
-            self.log(Level::Info, text, notify);
-        }
-    }
-
     /// Findings of an IMU before anything was learned.
     fn nothing_of(&self, imu: &Imu) -> Findings {
         Findings { source_type: self.source_type(&imu.topic), ..Findings::new(&imu.name, &imu.topic) }
@@ -405,50 +256,4 @@ impl Learner {
         let entry = self.sources.table.iter().find(|entry| entry.channel.topic == topic);
         entry.map(|entry| entry.schema_name().to_owned()).unwrap_or_default()
     }
-
-    /// Writes the events of an IMU as annotations.
-    fn publish(&mut self, imu: usize, notify: Notify<'_>) {
-        let name = self.sources.intake.imus().get(imu).map_or("", |imu| &imu.name);
-        let mut left = None;
-        for event in self.events.drain(..) {
-            self.blocks.extend(self.annotator.push(name, &event));
-            tell_of(&self.annotator, name, &event, notify);
-            let Some(learning) = self.imus.get_mut(imu) else { continue };
-            learning.findings.note(&event);
-            if let Message::Calibration(calibration) = &event.message
-                && self.config.output.corrected == Corrected::Causal
-                && (learning.corrections.is_some() || !is_only_partial(calibration))
-            {
-                let first = learning.corrections.is_none();
-                let corrections = learning.corrections.insert(Corrections::of(calibration));
-                left = left.or_else(|| uncorrected(name, corrections).filter(|_| first));
-            }
-        }
-        if let Some(text) = left {
-            self.log(Level::Info, text, notify);
-        }
-    }
-
-    /// Writes a line to the recording's log.
-    fn log(&mut self, level: Level, message: String, notify: Notify<'_>) {
-        let timestamp = Some(Stamp::from_log_time(self.log_time).into());
-        let message = printable(&message).into_owned();
-        let log = Log { timestamp, level: level.into(), message, name: "stillpoint".to_owned(), ..Log::default() };
-        let event = engine::Event { log_time: self.log_time, message: Message::Log(log) };
-        self.blocks.extend(self.annotator.push("", &event));
-        tell_of(&self.annotator, "", &event, notify);
-    }
-}
-
-/// Reports the annotation that was added last.
-fn tell_of(annotator: &Annotator, imu: &str, event: &engine::Event, notify: Notify<'_>) {
-    if let Some((topic, annotation)) = last_of(annotator) {
-        notify(Notice::Annotation { imu, topic, annotation, event });
-    }
-}
-
-/// The annotation that was added last, and its topic.
-fn last_of(annotator: &Annotator) -> Option<(&Topic, &Annotation)> {
-    let annotation = annotator.open().last()?;
-    Some((annotator.topics().get(annotation.topic)?, annotation))
 }

@@ -1,4 +1,4 @@
-//! What was learned of one IMU.
+//! Calibration of one IMU, for Python.
 
 use nalgebra::Vector3;
 use pyo3::exceptions::PyValueError;

@@ -15,7 +15,7 @@ pyo3::create_exception!(
     "A file that is no recording, or in which nothing can be calibrated; the text says why, and what to do."
 );
 
-/// How often running work asks whether Ctrl-C was pressed.
+/// Interval at which running work asks whether Ctrl-C was pressed.
 const EVERY: Duration = Duration::from_millis(100);
 
 /// Does work on recordings while other threads of Python run. The callback that it is given ends it with

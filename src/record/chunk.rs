@@ -75,10 +75,10 @@ impl Opened {
     }
 
     /// Records at a place of the content.
-    pub(super) fn records(&self, place: Place, data: &Range<usize>) -> &[u8] {
+    pub(super) fn records(&self, place: Storage, data: &Range<usize>) -> &[u8] {
         match place {
-            Place::Plain => self.body.get(data.clone()).unwrap_or_default(),
-            Place::Inflated => &self.out,
+            Storage::Plain => self.body.get(data.clone()).unwrap_or_default(),
+            Storage::Inflated => &self.out,
         }
     }
 }
@@ -88,7 +88,7 @@ impl Opened {
 pub(super) struct Content {
     /// Range of the compressed records within the body.
     pub(super) data: Range<usize>,
-    pub(super) place: Place,
+    pub(super) place: Storage,
     /// Chunk index without the chunk's place in the file, which the chunk itself does not know.
     pub(super) index: ChunkIndex,
     pub(super) survey: ChunkCheck,
@@ -149,16 +149,17 @@ impl Inflate {
     /// Decompresses and checks the chunk whose compressed bytes are `data`. Returns the place of its records.
     ///
     /// The error is a description of the problem. The size is not checked here: that is left to [`Limits`].
-    pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Place, String> {
+    pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Storage, String> {
         let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
         self.more = false;
         let place = match header.compression {
-            "" => Place::Plain,
-            "zstd" => {
-                self.zstd(data, size).map_err(|cause| foreign(data, "zstd", &ZSTD, cause)).map(|()| Place::Inflated)?
-            }
+            "" => Storage::Plain,
+            "zstd" => self
+                .zstd(data, size)
+                .map_err(|cause| foreign(data, "zstd", &ZSTD, cause))
+                .map(|()| Storage::Inflated)?,
             "lz4" => {
-                self.lz4(data, size).map_err(|cause| foreign(data, "lz4", &LZ4, cause)).map(|()| Place::Inflated)?
+                self.lz4(data, size).map_err(|cause| foreign(data, "lz4", &LZ4, cause)).map(|()| Storage::Inflated)?
             }
             other => return Err(unread(other)),
         };
@@ -174,10 +175,10 @@ impl Inflate {
     }
 
     /// Records at the `place` that [`Inflate::open`] returned.
-    pub(super) fn records<'a>(&'a self, place: Place, data: &'a [u8]) -> &'a [u8] {
+    pub(super) fn records<'a>(&'a self, place: Storage, data: &'a [u8]) -> &'a [u8] {
         match place {
-            Place::Plain => data,
-            Place::Inflated => &self.out,
+            Storage::Plain => data,
+            Storage::Inflated => &self.out,
         }
     }
 
@@ -276,7 +277,7 @@ fn foreign(data: &[u8], name: &str, magic: &[u8], cause: String) -> String {
 
 /// Place of a chunk's records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Storage {
     /// In the recording itself: the chunk is not compressed.
     Plain,
     /// In the buffer of [`Inflate`].

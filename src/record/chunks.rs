@@ -30,7 +30,7 @@ pub struct Chunks {
     /// Channels that the message indexes of the open chunk name.
     named: BTreeSet<u16>,
     length: u64,
-    /// What the summary claims about the chunks, once it was read.
+    /// Claims of the summary about the chunks, once it was read.
     claims: Option<Claims>,
     /// Places that are used instead of the data, and the offset up to which they were returned.
     known: Option<(Arc<Places>, u64)>,

@@ -21,7 +21,7 @@ const BLOCK: u64 = 1 << 16;
 
 /// Kind of a file, by the program that wrote it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileKind {
     /// Written by another program; the file is an original.
     Recording,
     /// Written by Stillpoint and unchanged since.
@@ -77,10 +77,10 @@ impl Original {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<Kind, Error> {
+pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<FileKind, Error> {
     match Traces::of_summary(file, length)? {
         Some(traces) => traces.judge(file),
-        None => Ok(Kind::Recording),
+        None => Ok(FileKind::Recording),
     }
 }
 
@@ -88,7 +88,7 @@ pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<Kind, Error> {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn recognise_scanned(file: &mut impl ReadAt, inventory: &Inventory) -> Result<Kind, Error> {
+pub fn recognise_scanned(file: &mut impl ReadAt, inventory: &Inventory) -> Result<FileKind, Error> {
     Traces::of_inventory(inventory).judge(file)
 }
 
@@ -154,14 +154,14 @@ impl Traces {
         }
     }
 
-    fn judge(&self, file: &mut impl ReadAt) -> Result<Kind, Error> {
+    fn judge(&self, file: &mut impl ReadAt) -> Result<FileKind, Error> {
         let last = |name: &str| {
             let named = self.metadata.iter().filter(|entry| entry.name == name);
             named.max_by_key(|entry| entry.offset)
         };
         let kept = self.attachments.iter().filter(|entry| entry.name == TAIL).max_by_key(|entry| entry.offset);
         let (kept, metadata) = match (kept, last(METADATA)) {
-            (None, None) => return Ok(Kind::Recording),
+            (None, None) => return Ok(FileKind::Recording),
             (Some(_), None) => return edited("the metadata that belongs to the kept tail is missing"),
             (kept, Some(metadata)) => (kept, metadata),
         };
@@ -170,7 +170,7 @@ impl Traces {
         };
         let Some(kept) = kept else {
             return match is_sidecar(file)? {
-                true => Ok(Kind::Sidecar { settings }),
+                true => Ok(FileKind::Sidecar { settings }),
                 false => edited("the original's tail is missing"),
             };
         };
@@ -197,7 +197,7 @@ impl Traces {
         let original = Original { prefix, tail: tail_start..tail_end - 4 };
         let end = original.tail.end.saturating_sub(MAGIC.len() as u64).max(original.tail.start)..original.tail.end;
         let damaged = whole.is_some() || completed > 0 || read(file, end)? != MAGIC;
-        Ok(Kind::Annotated { original, settings, damaged })
+        Ok(FileKind::Annotated { original, settings, damaged })
     }
 
     /// Whether a fold can have written all records in the range.
@@ -223,8 +223,8 @@ impl Traces {
     }
 }
 
-fn edited(why: &'static str) -> Result<Kind, Error> {
-    Ok(Kind::Edited { why })
+fn edited(why: &'static str) -> Result<FileKind, Error> {
+    Ok(FileKind::Edited { why })
 }
 
 fn read_settings(file: &mut impl ReadAt, index: &MetadataIndex) -> Result<Option<BTreeMap<String, String>>, Error> {

@@ -1,7 +1,7 @@
 //! Scan of a recording: bytes in, messages out. A state machine that asks for bytes and never waits for them. The
 //! meaning of messages is left to [`imu`](crate::imu), reading files and waiting for more bytes to the shell.
 //!
-//! Files named after things (`message_indexes`, `search`, `guide`, …) hold the parts of its state, files named after
+//! Files named after things (`message_indexes`, `search`, `early_summary`, …) hold the parts of its state, files named after
 //! actions (`check_indexes`, `resync`, `ask_summary`, …) the steps from one stage to the next.
 
 mod ask_summary;
@@ -21,34 +21,33 @@ mod pass_known;
 mod position;
 mod read_attachment;
 mod read_data;
+mod read_record;
 mod read_summary;
 mod recognise_original;
 mod resume;
 mod resync;
 mod search;
+mod stage;
 mod summary_section;
+mod supply;
 mod swallowed;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use mcap::MAGIC;
-
-use self::attachments::Attaching;
-use self::bounds::Bounds;
 use self::data_crc::DataCrc;
-use self::early_summary::{Asking, EarlySummary};
-use self::emission::Emission;
+use self::early_summary::EarlySummary;
 pub use self::event::{Damage, Event};
-use self::message_indexes::{ChunkReindexing, IndexCheck};
-use self::original::{Ours, Recognising};
+use self::message_indexes::IndexCheck;
+use self::original::Ours;
 pub use self::position::Position;
-use self::search::{Search, Synchronisation};
+use self::search::Synchronisation;
+use self::stage::{Stage, Step};
 use self::summary_section::SummarySection;
-use self::swallowed::LOOK;
+pub use self::supply::Supply;
 use super::chunk::{Inflate, Opened};
-use super::frame_window::{Extent, Frame, FrameWindow, Stop};
-use super::wire::{FRAME, op};
+use super::frame_window::{Extent, FrameWindow, Stop};
+use super::wire::FRAME;
 use super::{Error, Inventory, Limits, Message, Places};
 
 /// Reads a recording, finished or still growing, one [`Event`] at a time.
@@ -88,7 +87,7 @@ use super::{Error, Inventory, Limits, Message, Places};
 /// ```
 #[derive(Default)]
 pub struct Scan {
-    horizon: FrameWindow,
+    window: FrameWindow,
     inflate: Inflate,
     inventory: Inventory,
     stage: Stage,
@@ -97,7 +96,7 @@ pub struct Scan {
     indexes: IndexCheck,
     sync: Synchronisation,
     /// Content of the summary, once it was read early.
-    guide: Option<EarlySummary>,
+    early_summary: Option<EarlySummary>,
     /// Content of the summary section, until its CRC is known.
     summary: SummarySection,
     /// Parts of the file that Stillpoint wrote, if it is an annotated recording, and whether its end was searched for
@@ -112,58 +111,6 @@ pub struct Scan {
     places: Option<Arc<Places>>,
     data_crc: DataCrc,
     limits: Limits,
-}
-
-/// Answer to the offer of a chunk, see [`offering_chunks`](Scan::offering_chunks).
-#[derive(Debug)]
-pub enum Supply {
-    /// The chunk has been opened.
-    Opened(Opened),
-    /// Its messages are not needed: it is not read, and its content is taken from the message indexes that follow it, or
-    /// from the chunk index where that is [known](Scan::knowing).
-    Unread,
-    /// The scan shall read it itself.
-    Absent,
-}
-
-impl Supply {
-    fn into_opened(self) -> Option<Opened> {
-        match self {
-            Self::Opened(opened) => Some(opened),
-            Self::Unread | Self::Absent => None,
-        }
-    }
-}
-
-/// An event without its data, which stays in place.
-enum Step {
-    Stop(Stop),
-    Chunk(Frame),
-    Header,
-    Schema(u16),
-    Channel(u16),
-    Message,
-    ChunkEnd,
-    Damage(Damage),
-    End,
-}
-
-/// Stage of a scan: what is read next.
-#[derive(Default)]
-enum Stage {
-    #[default]
-    Magic,
-    Recognising(Box<Recognising>),
-    Record,
-    /// A chunk was offered and waits for the answer.
-    Offering(Frame),
-    Emission(Emission),
-    Attaching(Attaching),
-    Asking(Box<Asking>),
-    Reindexing(Box<ChunkReindexing>),
-    Searching(Search),
-    EndMagic,
-    Done,
 }
 
 impl Scan {
@@ -183,14 +130,14 @@ impl Scan {
     /// Sets the current length. No byte beyond it is requested, and no record that reaches beyond it is whole.
     pub fn extend(&mut self, length: u64) {
         if !self.is_still(length) {
-            self.horizon.set_extent(Extent { length, ..self.horizon.extent() });
+            self.window.set_extent(Extent { length, ..self.window.extent() });
         }
     }
 
     /// Declares that the recording will not grow any more.
     pub fn finish(&mut self) {
         self.finish_ours();
-        self.horizon.set_extent(Extent { finished: true, ..self.horizon.extent() });
+        self.window.set_extent(Extent { finished: true, ..self.window.extent() });
     }
 
     /// Sets the limits on what is read of the recording.
@@ -218,13 +165,13 @@ impl Scan {
 
     /// Room for `length` bytes of the recording, from the offset in [`Event::Read`] on.
     pub fn insert(&mut self, length: usize) -> &mut [u8] {
-        self.horizon.insert(length)
+        self.window.insert(length)
     }
 
     /// Reports that `length` bytes were written to the room from [`Scan::insert`]. 0 does not mean the end.
     pub fn notify_read(&mut self, length: usize) {
-        let room = self.room(self.horizon.offset() + self.horizon.buffered().len() as u64);
-        self.horizon.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
+        let room = self.room(self.window.offset() + self.window.buffered().len() as u64);
+        self.window.notify_read(usize::try_from(room).map_or(length, |room| room.min(length)));
     }
 
     /// Takes the chunk indexes found since the last call, so that they do not pile up. For a [fold](super::Fold), they
@@ -251,7 +198,7 @@ impl Scan {
 
     /// Offset of the first byte of the recording that was not emitted.
     pub fn offset(&self) -> u64 {
-        self.horizon.offset()
+        self.window.offset()
     }
 
     /// Next event.
@@ -287,7 +234,7 @@ impl Scan {
                 Stage::Record => self.record(),
                 Stage::Offering(frame) => return Ok(Step::Chunk(*frame)),
                 Stage::Emission(telling) => {
-                    if telling.advance(&self.inflate, &self.horizon) {
+                    if telling.advance(&self.inflate, &self.window) {
                         return Ok(Step::Message);
                     }
                     let (frame, opened) = (telling.frame, telling.opened.take());
@@ -298,7 +245,7 @@ impl Scan {
                     }
                     Ok(())
                 }
-                Stage::Attaching(attaching) => match attaching.hash(&mut self.horizon, &mut self.data_crc) {
+                Stage::Attaching(attaching) => match attaching.hash(&mut self.window, &mut self.data_crc) {
                     Ok(()) => {
                         self.attached();
                         Ok(())
@@ -319,7 +266,7 @@ impl Scan {
             };
             match done {
                 // The bytes that were judged may be rewritten meanwhile.
-                Err(Stop::Wait) => return Ok(Step::Stop(self.horizon.wait())),
+                Err(Stop::Wait) => return Ok(Step::Stop(self.window.wait())),
                 Err(stop) => return Ok(Step::Stop(stop)),
                 Ok(()) => {}
             }
@@ -328,84 +275,7 @@ impl Scan {
 
     fn message(&self) -> Option<Message<'_>> {
         let Stage::Emission(telling) = &self.stage else { return None };
-        let records = telling.records(&self.inflate, &self.horizon);
+        let records = telling.records(&self.inflate, &self.window);
         Message::parse(records.get(telling.at.start + FRAME..telling.at.end)?)
-    }
-
-    fn magic(&mut self) -> Result<Result<(), Stop>, Error> {
-        match self.horizon.peek(MAGIC.len()) {
-            Ok(found) if found == MAGIC => {
-                self.data_crc.begin();
-                self.consume(MAGIC.len() as u64);
-                self.inventory.prefix = MAGIC.len() as u64;
-                self.look_at_end();
-                Ok(Ok(()))
-            }
-            Ok(found) => Err(Error::NotMcap { found: found.to_vec() }),
-            Err(Stop::End) => Err(Error::Empty),
-            Err(Stop::Cut { .. }) => Err(Error::NotMcap { found: self.horizon.buffered().to_vec() }),
-            Err(stop) => Ok(Err(stop)),
-        }
-    }
-
-    fn record(&mut self) -> Result<(), Stop> {
-        if self.horizon.extent().finished && !self.recognised {
-            self.look_at_end();
-            return Ok(());
-        }
-        if self.leaves_original() || self.pass_known() {
-            return Ok(());
-        }
-        let frame = match self.horizon.frame() {
-            Err(Stop::Cut { claimed }) if !self.summary.begun => return self.cut(claimed),
-            frame => frame?,
-        };
-        if self.pass_told(frame) {
-            return Ok(());
-        }
-        let bounds = self.bounds(frame)?;
-        let is_in_disguise = self.is_index_in_disguise(frame)?;
-        if let Some(chunk) = &mut self.indexes.chunk {
-            chunk.followed |= is_in_disguise || frame.opcode == op::MESSAGE_INDEX;
-        }
-        if is_in_disguise {
-            self.reject(frame, "a message index whose opcode is wrong");
-            self.pass(frame);
-            return Ok(());
-        }
-        let is_lost = matches!(bounds, Bounds::Lost(_)) || frame.opcode == 0;
-        if is_lost && !self.horizon.extent().finished {
-            // It may still become a record, even one that belongs to the previous chunk.
-            return Err(Stop::Wait);
-        }
-        if frame.opcode != op::MESSAGE_INDEX && self.close_chunk(matches!(bounds, Bounds::Sound).then_some(frame)) {
-            return Ok(());
-        }
-        match bounds {
-            Bounds::Sound if self.summary.begun => self.summary_record(frame),
-            Bounds::Sound => self.data_record(frame),
-            Bounds::Ends(next) => {
-                self.sync.looked += frame.length.min(LOOK);
-                self.indexes.orphans = true;
-                self.inventory.lose(frame.offset..next);
-                self.damage(
-                    frame.offset,
-                    next - frame.offset,
-                    format!("a record of opcode {} whose length is wrong", frame.opcode),
-                );
-                self.horizon.seek(next);
-                Ok(())
-            }
-            Bounds::Lost(search) => self.lose(search, frame.opcode),
-        }
-    }
-
-    /// Continues after a record. The prefix extends through the last record before DataEnd.
-    fn pass(&mut self, frame: Frame) {
-        self.consume(frame.end() - self.horizon.offset());
-        if !self.summary.begun {
-            self.inventory.prefix = frame.end();
-        }
-        self.stage = Stage::Record;
     }
 }

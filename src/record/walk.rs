@@ -29,7 +29,7 @@ impl ReadAt for &[u8] {
 /// Walk over the records in a part of a file.
 #[derive(Default)]
 pub(super) struct Walk {
-    horizon: FrameWindow,
+    window: FrameWindow,
     /// Length of the record returned last, opcode and length included.
     passed: u64,
     end: u64,
@@ -39,18 +39,18 @@ pub(super) struct Walk {
 
 impl Walk {
     pub(super) fn new(range: Range<u64>, block: u64) -> Self {
-        let mut horizon = FrameWindow::default();
-        horizon.set_extent(Extent { length: range.end, finished: true });
-        horizon.skip(range.start);
-        Self { horizon, passed: 0, end: range.end, block }
+        let mut window = FrameWindow::default();
+        window.set_extent(Extent { length: range.end, finished: true });
+        window.skip(range.start);
+        Self { window, passed: 0, end: range.end, block }
     }
 
     /// Next record, if a whole one follows.
     pub(super) fn next(&mut self, file: &mut impl ReadAt) -> Result<Option<Frame>, Error> {
-        self.horizon.skip(self.passed);
+        self.window.skip(self.passed);
         self.passed = 0;
         loop {
-            match self.horizon.frame() {
+            match self.window.frame() {
                 Ok(frame) => {
                     self.passed = frame.end() - frame.offset;
                     return Ok(Some(frame));
@@ -66,25 +66,25 @@ impl Walk {
 
     /// First `most` bytes of the body of the record returned last.
     pub(super) fn body(&mut self, file: &mut impl ReadAt, frame: Frame, most: u64) -> Result<&[u8], Error> {
-        while let Err(stop) = self.horizon.body(frame, most) {
+        while let Err(stop) = self.window.body(frame, most) {
             if !self.fill(file, stop)? {
                 return Ok(&[]);
             }
         }
-        Ok(self.horizon.body(frame, most).unwrap_or_default())
+        Ok(self.window.body(frame, most).unwrap_or_default())
     }
 
     /// Offset after the records returned so far.
     pub(super) fn offset(&self) -> u64 {
-        self.horizon.offset() + self.passed
+        self.window.offset() + self.passed
     }
 
     fn fill(&mut self, file: &mut impl ReadAt, stop: Stop) -> Result<bool, Error> {
         let Stop::Read { offset, length } = stop else { return Ok(false) };
         let length = (length as u64).max(self.block).min(self.end - offset) as usize;
         let cause = |cause| Error::Read { offset, cause };
-        file.read_at(offset, self.horizon.insert(length)).map_err(cause)?;
-        self.horizon.notify_read(length);
+        file.read_at(offset, self.window.insert(length)).map_err(cause)?;
+        self.window.notify_read(length);
         Ok(true)
     }
 }

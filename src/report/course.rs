@@ -5,7 +5,7 @@ use crate::Stamp;
 /// Course of a sensor's parameters over many recordings.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
-    /// What it is made of, one sentence each.
+    /// Sources of its values, one sentence each.
     pub notes: Vec<String>,
     /// Changes between two recordings, oldest first.
     pub jumps: Vec<Jump>,
@@ -20,7 +20,7 @@ pub struct Jump {
     pub after: Stamp,
     /// Start of the first rest behind it.
     pub before: Stamp,
-    /// What changed, and by how much.
+    /// Parameter that changed, and by how much.
     pub what: String,
 }
 

@@ -32,7 +32,7 @@ use shared::{Last, Shared};
 pub struct Live {
     address: SocketAddr,
     shared: Arc<Shared>,
-    publisher: Option<JoinHandle<()>>,
+    sender: Option<JoinHandle<()>>,
     /// One thread for all viewers: a crowd of them cannot take every core.
     runtime: Option<Runtime>,
 }
@@ -85,8 +85,8 @@ impl Live {
             let shared = shared.clone();
             move || shared.publish()
         };
-        let publisher = std::thread::Builder::new().spawn(publish).map_err(refused)?;
-        Ok(Self { address, shared, publisher: Some(publisher), runtime: Some(runtime) })
+        let sender = std::thread::Builder::new().spawn(publish).map_err(refused)?;
+        Ok(Self { address, shared, sender: Some(sender), runtime: Some(runtime) })
     }
 
     /// Address that it listens on.
@@ -109,8 +109,8 @@ impl fmt::Debug for Live {
 impl Drop for Live {
     fn drop(&mut self) {
         self.shared.queue.close();
-        // A panic of the publisher does not matter here.
-        let _ = self.publisher.take().map(JoinHandle::join);
+        // A panic of the sender does not matter here.
+        let _ = self.sender.take().map(JoinHandle::join);
         if let Some(runtime) = self.runtime.take() {
             // Viewers get no notice; their connection ends.
             runtime.shutdown_background();

@@ -1,4 +1,4 @@
-//! What lies under a prefix of an object store, by the names alone.
+//! Contents of a prefix of an object store, by the names alone.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

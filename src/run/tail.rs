@@ -154,7 +154,7 @@ impl Shell<'_> {
         let ending = match self.record(&mut progression, notify) {
             Err(error) => {
                 // Finished work need not be repeated; stopping matters more than a full disk.
-                let _ = self.save(&mut progression).and_then(|()| self.checkpoint.settle());
+                let _ = self.save(&mut progression, notify).and_then(|()| self.checkpoint.settle());
                 return Err(error);
             }
             Ok(ending) => ending,

@@ -1,50 +1,13 @@
 //! Readings as messages, in each of the encodings, with their schemas. Their topics are left to `write`.
 
+mod content;
 mod ros;
+mod schema;
 mod vendor;
 
-use nalgebra::Vector3;
-
+pub(super) use self::content::{Body, Header};
+pub(super) use self::schema::{Schema, Type};
 use super::Encoding;
-use crate::Stamp;
-
-/// Stamp and frame of a message.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Header<'a> {
-    /// Number of the message on its topic, for ROS 1.
-    pub sequence: u32,
-    pub stamp: Stamp,
-    pub frame_id: &'a str,
-}
-
-/// Content of a message.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Body {
-    /// Message of an IMU: specific force and angular rate, one of which may be measured elsewhere, and temperature, °C.
-    Imu { accel: Option<Vector3<f64>>, gyro: Option<Vector3<f64>>, celsius: Option<f64> },
-    /// Message of a secondary accelerometer.
-    Vector(Vector3<f64>),
-    /// Message of a thermometer, °C.
-    Temperature(f64),
-}
-
-/// Schema of a message.
-#[derive(Clone, Debug)]
-pub(super) struct Schema {
-    pub name: &'static str,
-    pub encoding: &'static str,
-    pub data: Vec<u8>,
-}
-
-/// Type of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Type {
-    Imu,
-    /// IMU with a temperature.
-    WarmImu,
-    Vector,
-    Temperature,
-}
 
 impl Encoding {
     /// Profile of recordings in this encoding.

@@ -87,7 +87,7 @@ impl Iterator for Samples {
             measured: sensor.measure(&state),
             force: state.force,
             rate: state.rate,
-            pose: state.posed.then_some(state.poses.0),
+            pose: state.holds_pose.then_some(state.poses.0),
         })
     }
 }

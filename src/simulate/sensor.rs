@@ -117,7 +117,7 @@ impl Sensor {
 /// and Workman, Digital Control of Dynamic Systems, 3rd edition, section 6.3.2).
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// What is left of a step after one sample, and the share of the last change that the output has followed.
+    /// Remainder of a step after one sample, and the share of the last change that the output has followed.
     left: f64,
     followed: f64,
     /// Last input and output.

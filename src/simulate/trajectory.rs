@@ -35,7 +35,7 @@ pub(super) struct State {
     /// Progress from the first to the second, 0 to 1.
     pub progress: f64,
     /// Whether it stays in its pose.
-    pub posed: bool,
+    pub holds_pose: bool,
 }
 
 /// A session, as spans that follow each other without a gap.
@@ -53,11 +53,11 @@ struct Span {
     /// Start and end in nanoseconds since the start of the recording; `until` belongs to the next span.
     from: i64,
     until: i64,
-    kind: Kind,
+    kind: SpanKind,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
+enum SpanKind {
     Stay(Stay),
     Move(Box<Leg>),
 }
@@ -125,22 +125,22 @@ impl Trajectory {
                 None => {
                     let before = attitude * anywhere(motions);
                     let leg = Leg::new((index, index), before, attitude, 2.0 * motion.start_s, motion, motions);
-                    spans.push(motion.start_s, Kind::Move(Box::new(Leg { skipped_s: motion.start_s, ..leg })));
+                    spans.push(motion.start_s, SpanKind::Move(Box::new(Leg { skipped_s: motion.start_s, ..leg })));
                 }
                 Some((previous, before)) => {
                     let duration_s = pose.motion_s.unwrap_or(motion.duration_s);
                     let leg = Leg::new((previous, index), before, attitude, duration_s, motion, motions);
-                    spans.push(duration_s, Kind::Move(Box::new(leg)));
+                    spans.push(duration_s, SpanKind::Move(Box::new(leg)));
                 }
             }
             let stay = Stay::new(index, attitude, pose.turn_deg_s, pose.rest_s);
             last = Some((index, stay.attitude_at(pose.rest_s)));
-            spans.push(pose.rest_s, Kind::Stay(stay));
+            spans.push(pose.rest_s, SpanKind::Stay(stay));
         }
         if let Some((pose, attitude)) = last {
             let after = attitude * anywhere(motions);
             let leg = Leg::new((pose, pose), attitude, after, 2.0 * motion.end_s, motion, motions);
-            spans.push(motion.end_s, Kind::Move(Box::new(leg)));
+            spans.push(motion.end_s, SpanKind::Move(Box::new(leg)));
         }
         let latitude = scenario.latitude_deg.map(f64::to_radians);
         let earth = latitude.map(|latitude| Vector3::new(libm::cos(latitude), 0.0, libm::sin(latitude)) * EARTH_RATE);
@@ -155,7 +155,7 @@ impl Trajectory {
     /// Rests: pose, first nanosecond, the nanosecond after the last, attitude. Turns are not rests.
     pub fn rests(&self) -> impl Iterator<Item = (usize, i64, i64, Attitude)> {
         self.spans.iter().filter_map(|span| match &span.kind {
-            Kind::Stay(stay) if stay.turn.is_none() => Some((stay.pose, span.from, span.until, stay.attitude)),
+            SpanKind::Stay(stay) if stay.turn.is_none() => Some((stay.pose, span.from, span.until, stay.attitude)),
             _ => None,
         })
     }
@@ -165,8 +165,8 @@ impl Trajectory {
         let span = self.spans.get(self.spans.partition_point(|span| span.until <= nanos))?;
         let seconds = (nanos - span.from) as f64 * 1e-9;
         let (attitude, rate, acceleration, poses, progress) = match &span.kind {
-            Kind::Stay(stay) => stay.at(seconds),
-            Kind::Move(leg) => leg.at(seconds),
+            SpanKind::Stay(stay) => stay.at(seconds),
+            SpanKind::Move(leg) => leg.at(seconds),
         };
         let from_world = attitude.inverse();
         let vibration: Vector3<f64> = self.vibration.iter().map(|vibration| vibration.at(nanos as f64 * 1e-9)).sum();
@@ -176,7 +176,7 @@ impl Trajectory {
             rate: rate + from_world * self.earth,
             poses,
             progress,
-            posed: matches!(span.kind, Kind::Stay(_)),
+            holds_pose: matches!(span.kind, SpanKind::Stay(_)),
         })
     }
 }
@@ -188,7 +188,7 @@ struct Spans {
 
 impl Spans {
     /// Appends a span, unless it is empty.
-    fn push(&mut self, seconds: f64, kind: Kind) {
+    fn push(&mut self, seconds: f64, kind: SpanKind) {
         let from = self.spans.last().map_or(0, |span| span.until);
         let until = from.saturating_add((seconds * 1e9).round() as i64);
         if until > from {

@@ -6,7 +6,7 @@ use super::saturation::ReadingRange;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
     /// Lowest and highest readings.
-    pub extremes: ReadingRange,
+    pub range: ReadingRange,
     /// Smallest step between two readings of one axis, an upper bound of the resolution; `None` if nothing changed.
     pub step: Option<f64>,
     /// Standard deviation of one axis at rest, if known.

@@ -212,7 +212,7 @@ impl TriadTrack {
     /// Properties of its stream; `None` before the first sample.
     pub(super) fn signal(&self) -> Option<Signal> {
         Some(Signal {
-            extremes: self.extremes?,
+            range: self.extremes?,
             step: self.step(),
             noise: self.level().map(|level| level / 3_f64.sqrt()),
             readings: self.readings,

@@ -1,8 +1,12 @@
 //! From the last byte of a chunk readable to its segments and calibrations readable in the sidecar of a `stillpoint
-//! tail`, while a recorder writes 50 MB/s of camera and IMU; and what an idle tail costs.
+//! tail`, while a recorder writes 50 MB/s of camera and IMU; what an idle tail costs; and how long a save holds the reader
+//! up after 40,000 chunks of 41 channels.
 //!
 //! `cargo bench --bench latency`; `STILLPOINT_LATENCY_S=30` measures for longer.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
+
+#[path = "../common/many_channels.rs"]
+mod many_channels;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -68,6 +72,13 @@ fn main() {
         quantile(0.5),
         quantile(0.99),
         quantile(1.0)
+    );
+    let chunks = if benchmark { 40_000 } else { 400 };
+    let (length, encoding) = many_channels::checkpoint(chunks);
+    println!(
+        "a checkpoint after {chunks} chunks of 41 channels: {:.0} kB, encoded in {:.2} ms",
+        length as f64 * 1e-3,
+        encoding.as_secs_f64() * 1e3
     );
 }
 

@@ -8,6 +8,7 @@ mod session;
 
 mod batches;
 mod containers;
+mod contributing;
 mod filtered;
 mod fleet;
 mod in_place;

@@ -1,5 +1,5 @@
 use proptest::prelude::*;
-use stillpoint::record::{Kind, Original, ReadAt, Sidecar, recognise, recognise_scanned};
+use stillpoint::record::{FileKind, Original, ReadAt, Sidecar, recognise, recognise_scanned};
 
 use crate::drive::{blocks, fold, put, scan, settings, topics};
 use crate::recordings::{Recipe, mistreated, shared};
@@ -17,8 +17,8 @@ proptest! {
 
     #[test]
     fn an_original_is_not_mistaken_for_an_annotated_recording(file in mistreated()) {
-        prop_assert_eq!(recognise(&mut &file[..], file.len() as u64).unwrap(), Kind::Recording);
-        prop_assert_eq!(recognise_scanned(&mut &file[..], &scan(&file).1).unwrap(), Kind::Recording);
+        prop_assert_eq!(recognise(&mut &file[..], file.len() as u64).unwrap(), FileKind::Recording);
+        prop_assert_eq!(recognise_scanned(&mut &file[..], &scan(&file).1).unwrap(), FileKind::Recording);
     }
 
     #[test]
@@ -36,7 +36,7 @@ proptest! {
 #[test]
 fn the_recordings_of_others_are_restored() {
     for (path, file) in shared() {
-        assert_eq!(recognise(&mut &file[..], file.len() as u64).unwrap(), Kind::Recording, "{}", path.display());
+        assert_eq!(recognise(&mut &file[..], file.len() as u64).unwrap(), FileKind::Recording, "{}", path.display());
         assert_eq!(strip(&fold(&file, &topics(), &blocks())).unwrap(), file, "{}", path.display());
     }
 }
@@ -46,9 +46,9 @@ fn the_original_is_found_although_the_end_of_the_annotated_recording_is_lost() {
     let file = Recipe::plain().write();
     let mut annotated = fold(&file, &topics(), &blocks());
     annotated.truncate(annotated.len() - 100);
-    assert_eq!(recognise(&mut &annotated[..], annotated.len() as u64).unwrap(), Kind::Recording);
+    assert_eq!(recognise(&mut &annotated[..], annotated.len() as u64).unwrap(), FileKind::Recording);
     let kind = recognise_scanned(&mut &annotated[..], &scan(&annotated).1).unwrap();
-    let Kind::Annotated { original, settings: found, .. } = kind else { panic!("{kind:?}") };
+    let FileKind::Annotated { original, settings: found, .. } = kind else { panic!("{kind:?}") };
     assert_eq!(copy(&annotated, &original, 0..original.length()), file);
     assert_eq!(found, settings());
 }
@@ -79,7 +79,7 @@ fn a_copy_by_another_program_is_not_mistaken_for_ours() {
     writer.finish().unwrap();
     drop(writer);
     let copy = out.into_inner();
-    assert!(matches!(recognise(&mut &copy[..], copy.len() as u64).unwrap(), Kind::Edited { .. }));
+    assert!(matches!(recognise(&mut &copy[..], copy.len() as u64).unwrap(), FileKind::Edited { .. }));
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn what_was_added_behind_the_annotations_is_noticed() {
     let mut extended = annotated[..data_end].to_vec();
     extended.extend([0x0C, 12, 0, 0, 0, 0, 0, 0, 0, 4, 0, 0, 0, b'm', b'i', b'n', b'e', 0, 0, 0, 0]);
     let kind = recognise_scanned(&mut &extended[..], &scan(&extended).1).unwrap();
-    assert!(matches!(kind, Kind::Edited { .. }), "{kind:?}");
+    assert!(matches!(kind, FileKind::Edited { .. }), "{kind:?}");
 }
 
 #[test]
@@ -100,12 +100,12 @@ fn a_sidecar_is_known_as_such() {
     out.extend(sidecar.block(&topics(), &blocks()[0]).unwrap());
     out.extend(put(sidecar.close(), &[], &[]));
     let kind = recognise(&mut &out[..], out.len() as u64).unwrap();
-    assert_eq!(kind, Kind::Sidecar { settings: settings() });
+    assert_eq!(kind, FileKind::Sidecar { settings: settings() });
 }
 
 fn original(annotated: &[u8]) -> Option<Original> {
     match recognise(&mut &annotated[..], annotated.len() as u64).unwrap() {
-        Kind::Annotated { original, .. } => Some(original),
+        FileKind::Annotated { original, .. } => Some(original),
         _ => None,
     }
 }

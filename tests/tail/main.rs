@@ -5,9 +5,12 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/many_channels.rs"]
+mod many_channels;
 #[path = "../common/warm.rs"]
 mod warm;
 
+mod checkpoints;
 mod equality;
 mod events;
 mod folders;

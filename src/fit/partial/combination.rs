@@ -78,7 +78,7 @@ impl Problem<'_> {
         found
     }
 
-    /// What placements in a direction tell: the length of gravity; on an accurate fixture, each axis' part of it.
+    /// Evidence of placements in a direction: the length of gravity; on an accurate fixture, each axis' part of it.
     fn told(&self, direction: &Cluster) -> Vec<SVector<f64, PARAMETERS>> {
         let gravity = self.given.gravity.value;
         let up =

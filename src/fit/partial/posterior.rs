@@ -65,7 +65,7 @@ pub(super) struct Posterior {
     pub(super) scatter: PlacementScatter,
 }
 
-/// What errors across each direction add to its length, m/s²: half of their squares over the length.
+/// Lengthening of each direction by errors across it, m/s²: half of their squares over the length.
 struct Lost {
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
@@ -244,7 +244,7 @@ impl<'a> Problem<'a> {
         Some((factor.solve(&moment), factor.inverse()))
     }
 
-    /// What errors across each direction add to its length.
+    /// Lengthening of each direction by errors across it.
     fn lost(&self, z: &DVector<f64>, covariance: &DMatrix<f64>) -> Lost {
         let x = self.values(z);
         let calibration = calibration(&x);

@@ -25,7 +25,7 @@ pub struct LengthEquation {
     time: f64,
     /// Mean temperature, °C.
     celsius: f64,
-    /// What the length falls short of gravity by, m/s².
+    /// Shortfall of the length from gravity, m/s².
     target: f64,
     /// Derivative of the length with respect to the bias.
     by_bias: Vector3<f64>,

@@ -35,7 +35,7 @@ pub enum TemperatureUnit {
 }
 
 impl TemperatureUnit {
-    /// What a value is to be increased by to be in °C.
+    /// Offset to add to a value so that it is in °C.
     pub fn offset(self) -> f64 {
         match self {
             Self::Celsius => 0.0,

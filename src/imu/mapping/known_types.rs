@@ -16,7 +16,7 @@ pub(in crate::imu) struct KnownType {
     pub(in crate::imu) micros: Option<FieldPath>,
     /// Number that identifies the sensor, if several share a topic.
     pub(in crate::imu) device: Option<FieldPath>,
-    /// How its lists hold several readings, if they say so.
+    /// Arrangement of several readings in its lists, if they say so.
     pub(in crate::imu) batch: Option<KnownBatch>,
     /// Whether its topics are IMUs even if the configuration does not mention them.
     pub(in crate::imu) imu: bool,

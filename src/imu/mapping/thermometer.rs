@@ -13,7 +13,7 @@ pub(in crate::imu) struct TemperatureRequest<'a> {
     pub(in crate::imu) path: Option<&'a FieldPath>,
     /// Place in a message of a known type.
     pub(in crate::imu) known: Option<&'a FieldPath>,
-    /// What a value is to be increased by to be in °C.
+    /// Offset to add to a value so that it is in °C.
     pub(in crate::imu) offset: f64,
     /// Whether it was configured; if not, a message without the field has no temperature.
     pub(in crate::imu) configured: bool,

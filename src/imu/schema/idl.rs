@@ -1,8 +1,10 @@
 //! `ros2idl` and `omgidl` schemas: IDL text of a message and of all its dependencies.
 
+mod definitions;
 mod lexer;
 mod parser;
 mod resolver;
+mod token_stream;
 
 use super::layout::{Message, SchemaError};
 

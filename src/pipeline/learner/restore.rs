@@ -8,7 +8,7 @@ use crate::record::{Annotation, Topic};
 use crate::topic;
 
 impl Learner {
-    /// Resumes a learner that was saved under the same configuration. Its findings must be [recalled](Self::recall)
+    /// Resumes a learner that was saved under the same configuration. Its findings must be [restored](Self::restore_findings)
     /// from the annotations.
     pub(crate) fn resume(mut self, config: &Config) -> Self {
         self.config = config.clone();
@@ -20,7 +20,7 @@ impl Learner {
     }
 
     /// Restores findings from annotations that were written before, on these topics.
-    pub(crate) fn recall(&mut self, annotations: &[Annotation], topics: &[Topic]) {
+    pub(crate) fn restore_findings(&mut self, annotations: &[Annotation], topics: &[Topic]) {
         for annotation in annotations {
             let Some(on) = topics.get(annotation.topic) else { continue };
             let imu = topic::imu_of(&on.name);
@@ -33,8 +33,8 @@ impl Learner {
     }
 
     /// Restores findings from the annotations that had not been written yet.
-    pub(crate) fn recall_open(&mut self) {
+    pub(crate) fn restore_open_findings(&mut self) {
         let annotator = self.annotator.clone();
-        self.recall(annotator.open(), annotator.topics());
+        self.restore_findings(annotator.open(), annotator.topics());
     }
 }

@@ -16,17 +16,17 @@ pub(super) struct Attaching {
 
 impl Attaching {
     /// Hashes the buffered bytes, until all attached bytes have been seen and the stored CRC is buffered.
-    pub(super) fn hash(&mut self, horizon: &mut FrameWindow, data: &mut DataCrc) -> Result<(), Stop> {
+    pub(super) fn hash(&mut self, window: &mut FrameWindow, data: &mut DataCrc) -> Result<(), Stop> {
         while self.left > 0 {
-            horizon.peek(1)?;
-            let buffered = horizon.buffered();
+            window.peek(1)?;
+            let buffered = window.buffered();
             let taken = buffered.get(..self.left.min(buffered.len() as u64) as usize).unwrap_or_default();
             self.crc.update(taken);
             data.update(Some(taken));
             let taken = taken.len() as u64;
             self.left -= taken;
-            horizon.skip(taken);
+            window.skip(taken);
         }
-        horizon.peek(4).map(|_| ())
+        window.peek(4).map(|_| ())
     }
 }

@@ -2,9 +2,6 @@
 
 use super::search::Search;
 
-/// Largest distance at which a record's end is looked for, in bytes (16 MiB).
-pub(super) const REACH: u64 = 1 << 24;
-
 /// Verdict on a record's length.
 pub(super) enum Bounds {
     /// Right, as far as one can tell.

@@ -14,10 +14,10 @@ impl Scan {
     /// Skips the next `length` bytes of the data section.
     pub(super) fn consume(&mut self, length: u64) {
         if self.data_crc.state.is_some() {
-            let bytes = usize::try_from(length).ok().and_then(|length| self.horizon.buffered().get(..length));
+            let bytes = usize::try_from(length).ok().and_then(|length| self.window.buffered().get(..length));
             self.data_crc.update(bytes);
         }
-        self.horizon.skip(length);
+        self.window.skip(length);
     }
 
     /// Continues after a chunk that was opened elsewhere.

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::Scan;
 use super::message_indexes::{ChunkReindexing, OpenChunk};
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::plausibility::{Measure, measure};
 use crate::record::records::parse_message_index;
@@ -12,7 +13,7 @@ use crate::record::wire::op;
 
 impl Scan {
     pub(super) fn message_index_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let body = self.horizon.body(frame, self.limits.record)?;
+        let body = self.window.body(frame, self.limits.record)?;
         let about = parse_message_index(body).map(|(channel, _)| channel);
         let agrees = self.indexes.chunk.as_ref().is_some_and(|chunk| chunk.agrees(body).is_some());
         let Some(channel) = about else {
@@ -52,8 +53,8 @@ impl Scan {
         if frame.opcode == op::MESSAGE_INDEX || !(6..=self.limits.record).contains(&frame.length) {
             return Ok(false);
         }
-        match measure(op::MESSAGE_INDEX, self.horizon.body(frame, 6)?) == Measure::Says(frame.length) {
-            true => Ok(chunk.is_indexed_by(self.horizon.body(frame, self.limits.record)?)),
+        match measure(op::MESSAGE_INDEX, self.window.body(frame, 6)?) == Measure::Says(frame.length) {
+            true => Ok(chunk.is_indexed_by(self.window.body(frame, self.limits.record)?)),
             false => Ok(false),
         }
     }
@@ -69,7 +70,7 @@ impl Scan {
         let by_choice = !followed && next.is_some_and(|next| is_usual_behind_chunk(next.opcode));
         self.inventory.unindexed |= is_incomplete && by_choice;
         match is_incomplete && !by_choice {
-            true => self.stage = Stage::Reindexing(Box::new(ChunkReindexing::of(index, self.horizon.offset()))),
+            true => self.stage = Stage::Reindexing(Box::new(ChunkReindexing::of(index, self.window.offset()))),
             false => self.inventory.summary.index(&index),
         }
         is_incomplete && !by_choice
@@ -77,20 +78,20 @@ impl Scan {
 
     pub(super) fn reindex(&mut self) -> Result<(), Stop> {
         let Stage::Reindexing(reindexing) = &self.stage else { return Ok(()) };
-        self.horizon.seek(reindexing.chunk.offset);
-        let frame = self.horizon.frame()?;
+        self.window.seek(reindexing.chunk.offset);
+        let frame = self.window.frame()?;
         let content = self.open_chunk(frame)?;
         let Stage::Reindexing(reindexing) = std::mem::take(&mut self.stage) else { return Ok(()) };
         let ChunkReindexing { chunk, back } = *reindexing;
         match content {
             Ok(content) => {
-                let records = self.inflate.records(content.place, self.horizon.within(&content.data));
+                let records = self.inflate.records(content.place, self.window.within(&content.data));
                 self.inventory.summary.index_later(Reindexed::of(chunk, records));
             }
             // It was in order a moment ago.
             Err(_) => self.inventory.summary.index(&chunk),
         }
-        self.horizon.seek(back);
+        self.window.seek(back);
         self.stage = Stage::Record;
         Ok(())
     }

@@ -70,7 +70,7 @@ pub(super) struct Asking {
     /// Footer, once it was read.
     footer: Option<Footer>,
     crc: Hasher,
-    guide: EarlySummary,
+    found: EarlySummary,
     /// Memory of the records below, in bytes.
     kept: u64,
     schemas: Vec<Schema>,
@@ -80,38 +80,38 @@ pub(super) struct Asking {
 
 impl Asking {
     pub(super) fn new(back: u64, limits: Limits) -> Self {
-        let (guide, schemas, channels) = Default::default();
-        Self { back, footer: None, crc: Hasher::new(), guide, kept: 0, schemas, channels, limits }
+        let (found, schemas, channels) = Default::default();
+        Self { back, footer: None, crc: Hasher::new(), found, kept: 0, schemas, channels, limits }
     }
 
     /// Reads on. Returns whether the whole section is in order.
-    pub(super) fn read(&mut self, horizon: &mut FrameWindow) -> Result<bool, Stop> {
-        let length = horizon.extent().length;
+    pub(super) fn read(&mut self, window: &mut FrameWindow) -> Result<bool, Stop> {
+        let length = window.extent().length;
         let Footer { section, crc: stored, .. } = match &self.footer {
             Some(footer) => footer.clone(),
             None => {
                 let Some(offset) = length.checked_sub(CLOSING as u64) else { return Ok(false) };
-                horizon.seek(offset);
-                let Some(footer) = Footer::parse(horizon.peek(CLOSING)?, offset) else { return Ok(false) };
-                horizon.seek(footer.section.start);
+                window.seek(offset);
+                let Some(footer) = Footer::parse(window.peek(CLOSING)?, offset) else { return Ok(false) };
+                window.seek(footer.section.start);
                 self.footer.insert(footer).clone()
             }
         };
         let footer = section.end;
-        while horizon.offset() < footer {
-            let frame = horizon.frame()?;
+        while window.offset() < footer {
+            let frame = window.frame()?;
             if frame.length > self.limits.record || frame.end() > footer {
                 return Ok(false);
             }
-            let whole = horizon.peek(FRAME + frame.length as usize)?;
+            let whole = window.peek(FRAME + frame.length as usize)?;
             self.crc.update(whole);
             if self.note(frame, whole.get(FRAME..).unwrap_or_default()).is_none() {
                 return Ok(false);
             }
-            horizon.skip(frame.end() - frame.offset);
+            window.skip(frame.end() - frame.offset);
         }
         // The CRC covers the footer up to the CRC itself.
-        self.crc.update(horizon.peek(FRAME + 16)?);
+        self.crc.update(window.peek(FRAME + 16)?);
         Ok(stored == 0 || stored == self.crc.clone().finalize())
     }
 
@@ -136,17 +136,17 @@ impl Asking {
             op::METADATA_INDEX => MetadataIndex::parse(body).map(|index| (index.offset, index.length, op::METADATA))?,
             _ => return Some(()),
         };
-        self.guide.indexed |= opcode == op::CHUNK;
-        self.guide.landmarks.push(Landmark { offset, length, opcode });
+        self.found.indexed |= opcode == op::CHUNK;
+        self.found.landmarks.push(Landmark { offset, length, opcode });
         Some(())
     }
 
-    pub(super) fn guide(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {
+    pub(super) fn into_parts(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {
         let start = self.footer.as_ref().map_or(DATA_END, |footer| footer.section.start);
         let data = start - DATA_END;
-        self.guide.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
-        self.guide.data_end = Some(start);
-        self.guide.settle(start);
-        (self.guide, self.schemas, self.channels)
+        self.found.landmarks.push(Landmark { offset: data, length: DATA_END, opcode: op::DATA_END });
+        self.found.data_end = Some(start);
+        self.found.settle(start);
+        (self.found, self.schemas, self.channels)
     }
 }

@@ -4,8 +4,8 @@
 use mcap::MAGIC;
 
 use super::Scan;
-use super::bounds::{Bounds, REACH};
-use super::search::Search;
+use super::bounds::Bounds;
+use super::search::{REACH, Search};
 use super::swallowed::{LOOK, swallowed};
 use crate::record::chunk::knows;
 use crate::record::frame_window::{Frame, Stop};
@@ -70,7 +70,7 @@ impl Scan {
     /// Judges a message. Its content does not imply its length, but earlier messages of its channel do if all had the
     /// same.
     fn message_bounds(&self, frame: Frame) -> Result<Bounds, Stop> {
-        let channel = Fields(self.horizon.body(frame, 2)?).u16().unwrap_or_default();
+        let channel = Fields(self.window.body(frame, 2)?).u16().unwrap_or_default();
         let is_usual = self.sync.lengths.get(&channel) == Some(&Some(frame.length));
         if !is_usual && frame.length <= LOOK && !self.chain_at(frame.end())? {
             return Ok(Bounds::Lost(Search::doubting(frame)));
@@ -94,7 +94,7 @@ impl Scan {
         if self.sync.looked > 8 * frame.offset + 16 * LOOK {
             return Ok(Bounds::Sound);
         }
-        let body = self.horizon.body(frame, LOOK)?;
+        let body = self.window.body(frame, LOOK)?;
         if is_chunk_in_disguise(body) {
             return Ok(Bounds::Sound);
         }
@@ -124,13 +124,13 @@ impl Scan {
 
     /// Length that a record's content implies, by at most `most` bytes of it.
     pub(super) fn measured(&self, frame: Frame, most: u64) -> Result<Measure, Stop> {
-        let left = self.horizon.extent().length.saturating_sub(frame.offset + FRAME as u64);
+        let left = self.window.extent().length.saturating_sub(frame.offset + FRAME as u64);
         let most = most.min(REACH);
         // In a growing recording, missing bytes may still arrive.
-        let most = if self.horizon.extent().finished { most.min(left) } else { most };
+        let most = if self.window.extent().finished { most.min(left) } else { most };
         let mut seen = most.min(64);
         loop {
-            let body = self.horizon.peek(FRAME + seen as usize)?.get(FRAME..).unwrap_or_default();
+            let body = self.window.peek(FRAME + seen as usize)?.get(FRAME..).unwrap_or_default();
             match measure(frame.opcode, body) {
                 Measure::Needs(needed) if needed <= most => seen = needed,
                 measured => return Ok(measured),
@@ -168,7 +168,7 @@ impl Scan {
     /// Whether a record begins at `offset` that runs past the end of the recording. Its content must imply the same, as
     /// far as it is there.
     fn is_cut_off_at(&self, offset: u64) -> Result<bool, Stop> {
-        let extent = self.horizon.extent();
+        let extent = self.window.extent();
         if !extent.finished {
             return Ok(false);
         }
@@ -189,14 +189,14 @@ impl Scan {
     }
 
     fn look_at(&self, offset: u64, most: usize) -> Result<Option<&[u8]>, Stop> {
-        let extent = self.horizon.extent();
-        let ahead = offset.saturating_sub(self.horizon.offset());
+        let extent = self.window.extent();
+        let ahead = offset.saturating_sub(self.window.offset());
         if ahead > 2 * LOOK || (extent.finished && offset > extent.length) {
             return Ok(None);
         }
         let left = if extent.finished { extent.length - offset } else { u64::MAX };
         let until = ahead + left.min(most as u64);
-        Ok(self.horizon.peek(until as usize)?.get(ahead as usize..))
+        Ok(self.window.peek(until as usize)?.get(ahead as usize..))
     }
 }
 

@@ -88,13 +88,13 @@ pub(super) struct Recognising {
 
 impl Recognising {
     /// Reads on; `None` in the end if Stillpoint did not write it.
-    pub(super) fn read(&mut self, horizon: &mut FrameWindow) -> Result<Option<Ours>, Stop> {
-        let length = horizon.extent().length;
+    pub(super) fn read(&mut self, window: &mut FrameWindow) -> Result<Option<Ours>, Stop> {
+        let length = window.extent().length;
         let Some(footer) = length.checked_sub(CLOSING as u64) else { return Ok(None) };
         let (data_end, offsets) = match self.ends {
             Some(ends) => ends,
             None => {
-                let found = Footer::parse(bytes(horizon, footer..length)?, footer);
+                let found = Footer::parse(bytes(window, footer..length)?, footer);
                 let Some(Footer { section, offsets, .. }) = found else { return Ok(None) };
                 if !(section.start..=footer).contains(&offsets) || footer - offsets > OFFSETS {
                     return Ok(None);
@@ -105,7 +105,7 @@ impl Recognising {
         };
         if self.groups.is_none() {
             let mut groups = [0..0, 0..0];
-            let mut fields = Fields(bytes(horizon, offsets..footer)?);
+            let mut fields = Fields(bytes(window, offsets..footer)?);
             while let Some((op::SUMMARY_OFFSET, body)) = fields.record() {
                 let mut body = Fields(body);
                 let (Some(opcode), Some(start), Some(size)) = (body.u8(), body.u64(), body.u64()) else { break };
@@ -126,7 +126,7 @@ impl Recognising {
         }
         let Some([attachments, groups]) = &self.groups else { return Ok(None) };
         if self.metadata.is_none() {
-            let mut fields = Fields(bytes(horizon, groups.clone())?);
+            let mut fields = Fields(bytes(window, groups.clone())?);
             let entries = std::iter::from_fn(|| fields.record().and_then(|(_, body)| MetadataIndex::parse(body)));
             let last = entries.filter(|entry| entry.name == METADATA).max_by_key(|entry| entry.offset);
             let ours = |entry: &MetadataIndex| entry.length <= LIMIT && entry.offset < data_end;
@@ -135,23 +135,23 @@ impl Recognising {
         }
         let Some(metadata) = &self.metadata else { return Ok(None) };
         if self.kept.is_none() {
-            let mut fields = Fields(bytes(horizon, attachments.clone())?);
+            let mut fields = Fields(bytes(window, attachments.clone())?);
             let mut entries = std::iter::from_fn(|| fields.record().and_then(|(_, body)| AttachmentIndex::parse(body)));
             let in_front = |entry: &AttachmentIndex| entry.offset.checked_add(entry.length) == Some(metadata.offset);
             let Some(kept) = entries.find(|entry| entry.name == TAIL && in_front(entry)) else { return Ok(None) };
             self.kept = Some(kept);
         }
         let Some(kept) = &self.kept else { return Ok(None) };
-        let record = bytes(horizon, metadata.offset..metadata.offset + metadata.length)?;
+        let record = bytes(window, metadata.offset..metadata.offset + metadata.length)?;
         let body = Fields(record).record().filter(|&(opcode, _)| opcode == op::METADATA).map(|(_, body)| body);
         let settings = body.and_then(parse_metadata).filter(|(name, _)| name == METADATA);
         let ours = settings.and_then(|(_, settings)| Ours::of(&settings, metadata, kept, data_end));
-        Ok(ours.map(|ours| Ours { extent: horizon.extent(), ..ours }))
+        Ok(ours.map(|ours| Ours { extent: window.extent(), ..ours }))
     }
 }
 
 /// Bytes in a range of the file.
-fn bytes(horizon: &mut FrameWindow, range: Range<u64>) -> Result<&[u8], Stop> {
-    horizon.seek(range.start);
-    horizon.peek((range.end - range.start) as usize)
+fn bytes(window: &mut FrameWindow, range: Range<u64>) -> Result<&[u8], Stop> {
+    window.seek(range.start);
+    window.peek((range.end - range.start) as usize)
 }

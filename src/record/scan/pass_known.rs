@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Scan, Stage, Step, Supply};
+use super::Scan;
+use super::stage::{Stage, Step};
+use super::supply::Supply;
 use crate::record::Places;
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::Frame;
@@ -19,7 +21,7 @@ impl Scan {
 
     /// Offers or passes what is known to stand here. Returns whether there is nothing to read here now.
     pub(super) fn pass_known(&mut self) -> bool {
-        let offset = self.horizon.offset();
+        let offset = self.window.offset();
         let Some(places) = self.places.clone().filter(|_| !self.summary.begun) else { return false };
         if let Some(index) = places.attachment(offset) {
             let frame = Frame { offset, opcode: op::ATTACHMENT, length: index.length - FRAME as u64 };

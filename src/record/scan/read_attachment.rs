@@ -2,16 +2,17 @@
 
 use crc32fast::Hasher;
 
+use super::Scan;
 use super::attachments::Attaching;
 use super::search::HEAD;
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::records::AttachmentIndex;
 use crate::record::wire::{FRAME, Fields};
 
 impl Scan {
     pub(super) fn attachment_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        let head = self.horizon.body(frame, HEAD)?;
+        let head = self.window.body(frame, HEAD)?;
         let mut fields = Fields(head);
         let index = AttachmentIndex::parse_attachment(&mut fields, frame.offset, frame.end() - frame.offset);
         let size = head.len() - fields.0.len();
@@ -35,7 +36,7 @@ impl Scan {
     /// Checks the CRC of an attachment, all of which has been seen.
     pub(super) fn attached(&mut self) {
         let Stage::Attaching(Attaching { frame, index, crc, .. }) = std::mem::take(&mut self.stage) else { return };
-        let stored = Fields(self.horizon.buffered()).u32().unwrap_or_default();
+        let stored = Fields(self.window.buffered()).u32().unwrap_or_default();
         if stored == 0 || stored == crc.finalize() {
             self.inventory.summary.attachments.push(index);
         } else {

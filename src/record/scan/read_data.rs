@@ -3,12 +3,14 @@
 
 use std::collections::BTreeSet;
 
+use super::Scan;
 use super::emission::Emission;
 use super::message_indexes::OpenChunk;
 use super::search::HEAD;
-use super::{Scan, Stage, Step, Supply};
+use super::stage::{Stage, Step};
+use super::supply::Supply;
 use crate::record::Message;
-use crate::record::chunk::{Content, Place, locate};
+use crate::record::chunk::{Content, Storage, locate};
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
@@ -47,7 +49,7 @@ impl Scan {
                 self.reject(frame, "an end of the data, behind which the data goes on");
             }
             op::DATA_END => {
-                let stored = Fields(self.horizon.body(frame, 4)?).u32().unwrap_or_default();
+                let stored = Fields(self.window.body(frame, 4)?).u32().unwrap_or_default();
                 self.check_data_crc(frame, stored);
                 self.inventory.data_crc = Some(stored);
                 self.summary.begun = true;
@@ -70,9 +72,9 @@ impl Scan {
 
     /// Handles a record that belongs to the summary: either the DataEnd record is damaged, or the record itself is.
     fn stray_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match &self.guide {
+        match &self.early_summary {
             None => self.ask(),
-            Some(guide) if guide.is_behind_data(frame.offset) => {
+            Some(summary) if summary.is_behind_data(frame.offset) => {
                 self.damage(frame.offset, 0, "the end of the data was not marked");
                 self.summary.begun = true;
                 self.summary_record(frame)
@@ -86,7 +88,7 @@ impl Scan {
     }
 
     fn header_record(&mut self, frame: Frame) -> Result<(), Stop> {
-        match Header::parse(self.horizon.body(frame, self.limits.record)?) {
+        match Header::parse(self.window.body(frame, self.limits.record)?) {
             Some(header) if self.inventory.header.is_none() => {
                 self.inventory.header = Some(header);
                 self.queue.push_back(Step::Header);
@@ -100,7 +102,7 @@ impl Scan {
     /// Treats a schema, channel or message outside chunks as a chunk of one record.
     fn loose_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let size = FRAME + frame.length as usize;
-        let whole = self.horizon.peek(size)?;
+        let whole = self.window.peek(size)?;
         let message = Message::parse(whole.get(FRAME..).unwrap_or_default()).filter(|_| frame.opcode == op::MESSAGE);
         let (channel, incredible) = match &message {
             Some(message) => (Some(message.channel), !self.is_ours(frame) && !self.is_credible_message(message)),
@@ -113,7 +115,7 @@ impl Scan {
             }
         });
         match survey {
-            Ok(survey) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(survey) if self.early_summary.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
             Ok(_) if incredible => {
                 self.inventory.mentioned.extend(channel);
                 self.reject(frame, "a message outside the chunks that fits nothing else");
@@ -123,14 +125,13 @@ impl Scan {
                 let ends = frame.opcode == op::MESSAGE;
                 self.inventory.loose |= ends;
                 if let Some(channel) = channel {
-                    let usual = self.sync.lengths.entry(channel).or_insert(Some(frame.length));
-                    *usual = usual.filter(|&usual| usual == frame.length);
+                    self.sync.note_length(channel, frame.length);
                 }
                 self.admit(frame, survey);
                 self.stage = Stage::Emission(Emission {
                     frame,
                     data: 0..size,
-                    place: Place::Plain,
+                    place: Storage::Plain,
                     opened: None,
                     at: 0..0,
                     ends,
@@ -162,7 +163,7 @@ impl Scan {
 
     /// Whether the recording has chunks.
     pub(super) fn has_chunks(&self) -> bool {
-        self.inventory.has_chunks() || self.guide.as_ref().is_some_and(|guide| guide.indexed)
+        self.inventory.has_chunks() || self.early_summary.as_ref().is_some_and(|summary| summary.indexed)
     }
 
     /// Whether there are messages on channels that neither these records nor earlier ones define.
@@ -189,7 +190,7 @@ impl Scan {
         };
         // Less is read of a skipped chunk, however long the name of its compression.
         let most = if matches!(supply, Some(Supply::Unread)) { SHORT_HEAD } else { HEAD };
-        let head = supplied.map_or_else(|| self.horizon.body(frame, most), Ok)?;
+        let head = supplied.map_or_else(|| self.window.body(frame, most), Ok)?;
         // The claimed size counts, whoever opened the chunk and whether or not it is read.
         let (size, refused) = match ChunkHeader::parse(&mut Fields(head)) {
             Some(header) => match self.limits.refuse_chunk(&header, self.inventory.opened, frame.end()) {
@@ -215,7 +216,9 @@ impl Scan {
             None => Ok(content),
         });
         match content {
-            Ok(Content { survey, .. }) if self.guide.is_none() && self.is_at_a_loss(&survey) => return self.ask(),
+            Ok(Content { survey, .. }) if self.early_summary.is_none() && self.is_at_a_loss(&survey) => {
+                return self.ask();
+            }
             Ok(Content { data, place, mut index, survey, more }) => {
                 if more {
                     let what = "a chunk that opens to more than it claims: what is beyond is not used";
@@ -230,7 +233,7 @@ impl Scan {
                 self.stage = Stage::Emission(Emission { frame, data, place, opened, at: 0..0, ends: true });
             }
             Err(what) => {
-                self.horizon.may_change(frame.end())?;
+                self.window.may_change(frame.end())?;
                 self.inventory.opened = self.inventory.opened.saturating_add(size);
                 self.spent = opened;
                 self.reject(frame, what);
@@ -242,22 +245,22 @@ impl Scan {
     }
 
     pub(super) fn open_chunk(&mut self, frame: Frame) -> Result<Result<Content, String>, Stop> {
-        let body = self.horizon.body(frame, HEAD)?;
+        let body = self.window.body(frame, HEAD)?;
         let data = match locate(body, frame.length, &self.limits) {
             Ok((_, data)) => FRAME + data.start..FRAME + data.end,
             Err(what) => return Ok(Err(what)),
         };
-        self.horizon.peek(data.end)?;
-        let body = self.horizon.body(frame, HEAD)?;
+        self.window.peek(data.end)?;
+        let body = self.window.body(frame, HEAD)?;
         Ok(locate(body, frame.length, &self.limits).and_then(|(header, _)| {
-            let bytes = self.horizon.within(&data);
+            let bytes = self.window.within(&data);
             Content::of(&header, data, bytes, &mut self.inflate, &self.limits)
         }))
     }
 
     /// Skips a chunk. Its content is taken from its message indexes.
     fn unread_chunk(&mut self, frame: Frame) -> Result<(), Stop> {
-        let head = self.horizon.body(frame, SHORT_HEAD)?;
+        let head = self.window.body(frame, SHORT_HEAD)?;
         match locate(head, frame.length, &self.limits).map(|(header, _)| header.index()) {
             Ok(index) => {
                 let index = ChunkIndex { offset: frame.offset, length: frame.end() - frame.offset, ..index };
@@ -300,7 +303,7 @@ impl Scan {
 
     fn metadata_record(&mut self, frame: Frame) -> Result<(), Stop> {
         let length = frame.end() - frame.offset;
-        match parse_metadata(self.horizon.body(frame, self.limits.definition)?) {
+        match parse_metadata(self.window.body(frame, self.limits.definition)?) {
             Some((name, _)) => {
                 self.inventory.summary.metadata.push(MetadataIndex { offset: frame.offset, length, name });
             }

@@ -2,11 +2,12 @@
 
 use mcap::MAGIC;
 
-use super::summary_section::SummarySection;
-use super::{Scan, Stage, Step};
+use super::Scan;
+use super::stage::{Stage, Step};
+use super::summary_section::{CrcVerdict, SummarySection};
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
-use crate::record::wire::{FRAME, Fields, op};
+use crate::record::wire::{FRAME, op};
 use crate::record::{Channel, Schema};
 
 impl Scan {
@@ -14,50 +15,32 @@ impl Scan {
         if frame.length > self.limits.record {
             return self.end(format!("a record of {} bytes in the summary (limits.record_mib)", frame.length));
         }
-        let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
-        let kept = self.summary.kept + if is_kept { frame.length + 256 } else { 0 };
-        let most = self.limits.definitions.saturating_mul(2);
-        if kept > most {
-            return self.end(format!(
-                "a summary with more than {most} bytes of definitions: it is not used (limits.definitions_mib)"
-            ));
-        }
-        let whole = self.horizon.peek(FRAME + frame.length as usize)?;
+        let kept = match self.summary.room_for(frame, &self.limits) {
+            Ok(kept) => kept,
+            Err(what) => return self.end(what),
+        };
+        let whole = self.window.peek(FRAME + frame.length as usize)?;
         self.summary.kept = kept;
-        let body = whole.get(FRAME..).unwrap_or_default();
         if frame.opcode == op::FOOTER {
-            // The CRC covers the footer up to the CRC itself.
-            self.summary.crc.update(whole.get(..FRAME + 16).unwrap_or_default());
-            let stored = Fields(body.get(16..).unwrap_or_default()).u32();
-            self.footer(frame, stored);
+            let verdict = self.summary.close(whole);
+            self.footer(frame, verdict);
             return Ok(());
         }
-        self.summary.crc.update(whole);
-        let well_formed = match frame.opcode {
-            op::SCHEMA => Schema::parse(body).map(|schema| self.summary.schemas.push(schema)).is_some(),
-            op::CHANNEL => Channel::parse(body).map(|channel| self.summary.channels.push(channel)).is_some(),
-            op::HEADER..=op::DATA_END => true,
-            opcode => {
-                self.summary.private.push((opcode, whole.to_vec()));
-                true
-            }
-        };
-        if !well_formed {
+        if !self.summary.take_record(frame.opcode, whole) {
             self.reject(frame, "a malformed record in the summary");
         }
         self.pass(frame);
         Ok(())
     }
 
-    fn footer(&mut self, frame: Frame, stored: Option<u32>) {
-        let computed = self.summary.crc.clone().finalize();
-        match stored {
-            None => self.reject(frame, "a malformed footer"),
-            Some(stored) if stored != 0 && stored != computed => {
+    fn footer(&mut self, frame: Frame, verdict: CrcVerdict) {
+        match verdict {
+            CrcVerdict::Malformed => self.reject(frame, "a malformed footer"),
+            CrcVerdict::Wrong => {
                 self.damage(frame.offset, 0, "the summary's CRC does not hold: what only the summary says is not used");
                 self.summary = SummarySection { begun: true, ..SummarySection::default() };
             }
-            Some(_) => {}
+            CrcVerdict::Sound => {}
         }
         self.accept_summary();
         self.pass(frame);
@@ -68,7 +51,7 @@ impl Scan {
     pub(super) fn accept_summary(&mut self) {
         let SummarySection { schemas, channels, private, .. } = std::mem::take(&mut self.summary);
         self.summary.begun = true;
-        let offset = self.horizon.offset();
+        let offset = self.window.offset();
         for what in self.learn_from_summary(schemas, channels) {
             self.damage(offset, 0, format!("the summary contradicts the data on {what}"));
         }
@@ -107,13 +90,13 @@ impl Scan {
 
     /// Reports bytes after the closing magic, which no reader reads.
     fn behind_the_end(&mut self) -> Result<(), Stop> {
-        let end = self.horizon.offset() + MAGIC.len() as u64;
-        let left = self.horizon.extent().length.saturating_sub(end);
+        let end = self.window.offset() + MAGIC.len() as u64;
+        let left = self.window.extent().length.saturating_sub(end);
         if left == 0 {
             return Ok(());
         }
         let seen = left.min(MAGIC.len() as u64) as usize;
-        let what = match self.horizon.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+        let what = match self.window.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
             Some(MAGIC) => format!(
                 "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
                  annotate both",
@@ -126,7 +109,7 @@ impl Scan {
     }
 
     pub(super) fn end_magic(&mut self) -> Result<(), Stop> {
-        match self.horizon.peek(MAGIC.len()) {
+        match self.window.peek(MAGIC.len()) {
             Ok(found) if found == MAGIC => {
                 self.behind_the_end()?;
                 self.inventory.finished = true;

@@ -1,15 +1,16 @@
 //! Recognition of an annotated recording by its end, to scan its original as if it stood alone.
 
+use super::Scan;
 use super::original::{Ours, Recognising};
-use super::{Scan, Stage};
+use super::stage::Stage;
 use crate::record::frame_window::{Extent, Frame, Stop};
 use crate::record::wire::op;
 
 impl Scan {
     /// Starts to look for traces of Stillpoint at the end of the recording, to return here afterwards.
     pub(super) fn look_at_end(&mut self) {
-        self.recognised = self.horizon.extent().finished;
-        let back = self.horizon.offset();
+        self.recognised = self.window.extent().finished;
+        let back = self.window.offset();
         self.stage = match self.ours {
             Some(_) => Stage::Record,
             None => Stage::Recognising(Box::new(Recognising { back, ..Recognising::default() })),
@@ -19,18 +20,18 @@ impl Scan {
     pub(super) fn recognise(&mut self) -> Result<(), Stop> {
         let Stage::Recognising(mut recognising) = std::mem::take(&mut self.stage) else { return Ok(()) };
         let back = recognising.back;
-        let ours = match recognising.read(&mut self.horizon) {
+        let ours = match recognising.read(&mut self.window) {
             Err(stop @ Stop::Read { .. }) => {
                 self.stage = Stage::Recognising(recognising);
                 return Err(stop);
             }
             ours => ours.unwrap_or_default(),
         };
-        self.horizon.jump(back);
+        self.window.jump(back);
         self.stage = Stage::Record;
         self.ours = ours.filter(|ours| back <= ours.prefix);
         if let Some(ours) = &self.ours {
-            self.horizon.set_extent(Extent { length: ours.original(), finished: true });
+            self.window.set_extent(Extent { length: ours.original(), finished: true });
         }
         Ok(())
     }
@@ -39,8 +40,8 @@ impl Scan {
     pub(super) fn is_still(&mut self, length: u64) -> bool {
         let Some(ours) = self.within().cloned() else { return false };
         if ours.extent.length != length {
-            self.horizon.jump(self.horizon.offset().min(ours.prefix));
-            self.horizon.set_extent(ours.extent);
+            self.window.jump(self.window.offset().min(ours.prefix));
+            self.window.set_extent(ours.extent);
             self.ours = None;
         }
         ours.extent.length == length
@@ -86,16 +87,16 @@ impl Scan {
     /// Leaves the original after its last whole record, to continue after its prefix in the file. Returns whether it
     /// changed the stage.
     pub(super) fn leaves_original(&mut self) -> bool {
-        let Some(ours) = self.within().filter(|ours| self.horizon.offset() >= ours.whole).cloned() else {
+        let Some(ours) = self.within().filter(|ours| self.window.offset() >= ours.whole).cloned() else {
             return false;
         };
         let in_one_piece = ours.whole == ours.prefix;
         if !in_one_piece && self.close_chunk(None) {
             return true;
         }
-        self.horizon.set_extent(ours.extent);
-        self.horizon.jump(ours.prefix);
-        (self.guide, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
+        self.window.set_extent(ours.extent);
+        self.window.jump(ours.prefix);
+        (self.early_summary, self.sync.found, self.sync.trusted, self.indexes.orphans) = Default::default();
         self.inventory.prefix = ours.prefix;
         if !in_one_piece {
             // Seen as an original itself, the file lost nothing, and the records are in the kept tail.
@@ -116,8 +117,8 @@ impl Scan {
         if matches!(frame.opcode, op::SCHEMA | op::CHANNEL) && frame.end() <= end {
             return false;
         }
-        self.horizon.seek(frame.end().min(end));
-        self.inventory.prefix = self.horizon.offset();
+        self.window.seek(frame.end().min(end));
+        self.inventory.prefix = self.window.offset();
         true
     }
 }

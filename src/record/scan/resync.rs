@@ -1,10 +1,10 @@
 //! Resynchronisation: the next whole record is where the summary's index says, or else at the first place where bytes
 //! look like a record that another one follows. Attachments are skipped, since one may contain records.
 
-use super::bounds::REACH;
-use super::search::{HEAD, Search};
+use super::Scan;
+use super::search::{HEAD, REACH, Search};
+use super::stage::{Stage, Step};
 use super::swallowed::LOOK;
-use super::{Scan, Stage, Step};
 use crate::record::chunk::knows;
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::plausibility::{Measure, SPARE, end, fits, head};
@@ -15,17 +15,17 @@ use crate::record::{Channel, Schema};
 impl Scan {
     /// Handles lost framing. A growing recording is not read any further until it is finished.
     pub(super) fn lose(&mut self, mut search: Search, opcode: u8) -> Result<(), Stop> {
-        if !self.horizon.extent().finished {
-            return Err(self.horizon.wait());
+        if !self.window.extent().finished {
+            return Err(self.window.wait());
         }
-        if self.guide.is_none() {
+        if self.early_summary.is_none() {
             return self.ask();
         }
         if self.close_chunk(None) {
             return Ok(());
         }
         self.indexes.orphans = true;
-        let length = self.horizon.extent().length;
+        let length = self.window.extent().length;
         search.tries.retain(|&offset| offset <= length);
         if opcode == op::ATTACHMENT {
             // Never search inside an attachment, whatever ends here.
@@ -54,10 +54,10 @@ impl Scan {
     }
 
     fn go_on(&mut self, search: Search, found: Option<u64>) {
-        let next = found.unwrap_or(self.horizon.extent().length);
+        let next = found.unwrap_or(self.window.extent().length);
         if search.confirming.contains(&next) {
             self.sync.trusted = Some(search.offset);
-            self.horizon.seek(search.offset);
+            self.window.seek(search.offset);
             self.stage = Stage::Record;
             return;
         }
@@ -65,7 +65,7 @@ impl Scan {
         self.damage(search.offset, next - search.offset, search.what);
         match found {
             Some(next) => {
-                self.horizon.seek(next);
+                self.window.seek(next);
                 self.stage = Stage::Record;
             }
             None => {
@@ -79,7 +79,7 @@ impl Scan {
     /// First of the possible ends of the record that another record follows.
     fn tried(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
         while let Some(&offset) = search.tries.first() {
-            self.horizon.seek(offset);
+            self.window.seek(offset);
             if self.goes_on_at(offset)? {
                 return Ok(Some(offset));
             }
@@ -89,18 +89,16 @@ impl Scan {
     }
 
     fn next_whole(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
-        if let Some((from, found)) = self.sync.found
-            && (from..=found.unwrap_or(u64::MAX)).contains(&search.from)
-        {
+        if let Some(found) = self.sync.found_from(search.from) {
             return Ok(found);
         }
         search.at = search.at.max(search.from);
         let found = loop {
-            if search.at >= self.horizon.extent().length {
+            if search.at >= self.window.extent().length {
                 break None;
             }
-            self.horizon.seek(search.at);
-            let landmark = self.guide.as_ref().and_then(|guide| guide.at_or_behind(search.at));
+            self.window.seek(search.at);
+            let landmark = self.early_summary.as_ref().and_then(|summary| summary.at_or_behind(search.at));
             match landmark {
                 Some(landmark) if landmark.offset == search.at && self.stands(landmark.opcode, landmark.length)? => {
                     break Some(search.at);
@@ -111,57 +109,57 @@ impl Scan {
                 }
                 _ => {}
             }
-            let indexed = self.guide.as_ref().is_some_and(|guide| guide.indexed);
-            let next = self.guide.as_ref().and_then(|guide| guide.behind(search.at)).map(|next| next.offset);
+            let indexed = self.early_summary.as_ref().is_some_and(|summary| summary.indexed);
+            let next =
+                self.early_summary.as_ref().and_then(|summary| summary.behind(search.at)).map(|next| next.offset);
             match (indexed, next) {
                 (true, Some(next)) => search.at = next,
                 (true, None) => break None,
                 (false, next) => {
-                    let until = next.unwrap_or(self.horizon.extent().length);
+                    let until = next.unwrap_or(self.window.extent().length);
                     let candidate = self.candidate(until);
-                    search.at = self.horizon.offset();
+                    search.at = self.window.offset();
                     if let Some(offset) = candidate? {
                         break Some(offset);
                     }
                 }
             }
         };
-        self.sync.found = Some((search.from, found));
-        self.sync.trusted = found;
+        self.sync.note_found(search.from, found);
         Ok(found)
     }
 
     /// Whether a record with this opcode and this total length begins here.
     fn stands(&self, opcode: u8, length: u64) -> Result<bool, Stop> {
-        let found = self.horizon.peek(FRAME).map(head)?;
+        let found = self.window.peek(FRAME).map(head)?;
         Ok(found.is_some_and(|(found, body)| found == opcode && end(0, body) == length))
     }
 
-    /// Offset of the next credible record before `until`. Without one, the horizon is at `until`.
+    /// Offset of the next credible record before `until`. Without one, the window is at `until`.
     fn candidate(&mut self, until: u64) -> Result<Option<u64>, Stop> {
-        while self.horizon.offset() < until {
-            self.horizon.peek(FRAME)?;
-            let room = until - self.horizon.offset();
-            let places = self.horizon.buffered().windows(FRAME).take(room as usize);
+        while self.window.offset() < until {
+            self.window.peek(FRAME)?;
+            let room = until - self.window.offset();
+            let places = self.window.buffered().windows(FRAME).take(room as usize);
             let could = |bytes: &[u8]| head(bytes).is_some_and(|(opcode, length)| fits(opcode, length));
             match places.clone().position(could) {
-                Some(ahead) => self.horizon.skip(ahead as u64),
+                Some(ahead) => self.window.skip(ahead as u64),
                 None => {
                     let passed = places.len() as u64;
-                    self.horizon.skip(passed);
+                    self.window.skip(passed);
                     continue;
                 }
             }
             if self.is_credible(until)? {
-                return Ok(Some(self.horizon.offset()));
+                return Ok(Some(self.window.offset()));
             }
-            self.horizon.skip(1);
+            self.window.skip(1);
         }
         Ok(None)
     }
 
     fn is_credible(&mut self, until: u64) -> Result<bool, Stop> {
-        let frame = match self.horizon.frame() {
+        let frame = match self.window.frame() {
             Ok(frame) if frame.end() <= until => frame,
             Ok(_) | Err(Stop::Cut { .. }) => return Ok(false),
             Err(stop) => return Err(stop),
@@ -171,7 +169,7 @@ impl Scan {
         match frame.opcode {
             op::MESSAGE => return Ok(loose && frame.length <= LOOK && self.chain_at(frame.end())?),
             op::SCHEMA | op::CHANNEL | op::METADATA
-                if frame.length > HEAD && self.sync.doubted > 4 * frame.offset + 4 * REACH =>
+                if frame.length > HEAD && self.sync.has_doubted_enough(frame.offset) =>
             {
                 return Ok(false);
             }
@@ -187,7 +185,7 @@ impl Scan {
             _ => return Ok(false),
         }
         let most = if matches!(frame.opcode, op::CHUNK | op::ATTACHMENT) { HEAD } else { REACH };
-        let body = self.horizon.body(frame, most)?;
+        let body = self.window.body(frame, most)?;
         let mut fields = Fields(body);
         let looked_at = body.len() as u64;
         let credible = match frame.opcode {
@@ -202,7 +200,7 @@ impl Scan {
             op::METADATA => self.begins_at(frame.end())? && parse_metadata(body).is_some(),
             op::SCHEMA => self.begins_at(frame.end())? && Schema::parse(body).is_some(),
             op::CHANNEL => self.begins_at(frame.end())? && Channel::parse(body).is_some(),
-            op::FOOTER => frame.end() + 8 == self.horizon.extent().length,
+            op::FOOTER => frame.end() + 8 == self.window.extent().length,
             _ => {
                 let behind = self.look(frame.end())?.and_then(|bytes| bytes.first().copied());
                 behind.is_none_or(may_follow_data) && self.chain_at(frame.end())?

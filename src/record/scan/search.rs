@@ -9,6 +9,9 @@ use crate::record::frame_window::Frame;
 use crate::record::plausibility::{Measure, end};
 use crate::record::wire::FRAME;
 
+/// Largest distance at which a record's end is looked for, in bytes (16 MiB).
+pub(super) const REACH: u64 = 1 << 24;
+
 /// Longest head of a chunk or attachment, in bytes: times, sizes and two names.
 pub(super) const HEAD: u64 = 1 << 16;
 
@@ -80,4 +83,29 @@ pub(super) struct Synchronisation {
     /// Start and result of the last search.
     #[serde(skip)]
     pub(super) found: Option<(u64, Option<u64>)>,
+}
+
+impl Synchronisation {
+    /// Result of the last search if a search from this offset would repeat it.
+    pub(super) fn found_from(&self, offset: u64) -> Option<Option<u64>> {
+        let (from, found) = self.found?;
+        (from..=found.unwrap_or(u64::MAX)).contains(&offset).then_some(found)
+    }
+
+    /// Keeps the result of a search. The record found is not doubted again.
+    pub(super) fn note_found(&mut self, from: u64, found: Option<u64>) {
+        self.found = Some((from, found));
+        self.trusted = found;
+    }
+
+    /// Whether more bytes of candidates were rejected in front of this offset than is worth while.
+    pub(super) fn has_doubted_enough(&self, offset: u64) -> bool {
+        self.doubted > 4 * offset + 4 * REACH
+    }
+
+    /// Notes the length of a message outside chunks.
+    pub(super) fn note_length(&mut self, channel: u16, length: u64) {
+        let usual = self.lengths.entry(channel).or_insert(Some(length));
+        *usual = usual.filter(|&usual| usual == length);
+    }
 }

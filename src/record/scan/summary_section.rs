@@ -2,7 +2,9 @@
 
 use crc32fast::Hasher;
 
-use crate::record::{Channel, Schema};
+use crate::record::frame_window::Frame;
+use crate::record::wire::{FRAME, Fields, op};
+use crate::record::{Channel, Limits, Schema};
 
 /// Content of the summary section, kept until its CRC is known.
 #[derive(Default)]
@@ -15,4 +17,56 @@ pub(super) struct SummarySection {
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
     pub(super) private: Vec<(u8, Vec<u8>)>,
+}
+
+/// Agreement of the summary section with the CRC in its footer.
+pub(super) enum CrcVerdict {
+    Sound,
+    Wrong,
+    /// The footer has none.
+    Malformed,
+}
+
+impl SummarySection {
+    /// Memory of the records, in bytes, once this one is taken.
+    ///
+    /// # Errors
+    /// If that is more than a summary may take.
+    pub(super) fn room_for(&self, frame: Frame, limits: &Limits) -> Result<u64, String> {
+        let is_kept = matches!(frame.opcode, op::SCHEMA | op::CHANNEL | 0x80..);
+        let kept = self.kept + if is_kept { frame.length + 256 } else { 0 };
+        let most = limits.definitions.saturating_mul(2);
+        if kept > most {
+            return Err(format!(
+                "a summary with more than {most} bytes of definitions: it is not used (limits.definitions_mib)"
+            ));
+        }
+        Ok(kept)
+    }
+
+    /// Takes a whole record other than the footer. Returns whether it is well-formed.
+    pub(super) fn take_record(&mut self, opcode: u8, whole: &[u8]) -> bool {
+        self.crc.update(whole);
+        let body = whole.get(FRAME..).unwrap_or_default();
+        match opcode {
+            op::SCHEMA => Schema::parse(body).map(|schema| self.schemas.push(schema)).is_some(),
+            op::CHANNEL => Channel::parse(body).map(|channel| self.channels.push(channel)).is_some(),
+            op::HEADER..=op::DATA_END => true,
+            opcode => {
+                self.private.push((opcode, whole.to_vec()));
+                true
+            }
+        }
+    }
+
+    /// Takes the footer, which ends the section.
+    pub(super) fn close(&mut self, footer: &[u8]) -> CrcVerdict {
+        // The CRC covers the footer up to the CRC itself.
+        self.crc.update(footer.get(..FRAME + 16).unwrap_or_default());
+        match Fields(footer.get(FRAME + 16..).unwrap_or_default()).u32() {
+            None => CrcVerdict::Malformed,
+            Some(stored) if stored != 0 && stored != self.crc.clone().finalize() => CrcVerdict::Wrong,
+            Some(_) => CrcVerdict::Sound,
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Gravity where an earlier calibration is held to account.
 
-use crate::fit::{Gravity, Place, Source};
+use crate::fit::{EarthLocation, Gravity, Source};
 use crate::messages;
 
 /// Gravity of this recording, and how much its error has in common with that of the earlier calibration.
@@ -21,7 +21,7 @@ impl Site {
         if now.gravity <= 0.0 {
             return Self { value: standard.value, std: standard.std, is_same: false };
         }
-        let of_place = || Gravity::at(&Place { latitude_deg: 45.0, height_m: None }, Source::Latitude).std;
+        let of_place = || Gravity::at(&EarthLocation { latitude_deg: 45.0, height_m: None }, Source::Latitude).std;
         let std = match now.gravity_source.as_str() {
             source if source == Source::Configured.name() => 0.0,
             source if source == Source::Latitude.name() || source == Source::FixTopic.name() => of_place(),

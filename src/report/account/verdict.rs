@@ -46,7 +46,7 @@ pub struct Account {
     pub outcome: Result<Outcome, &'static str>,
 }
 
-/// How far the readings are from what was predicted.
+/// Distance of the readings from what was predicted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// The verdict.

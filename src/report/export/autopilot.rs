@@ -6,11 +6,13 @@
 
 use nalgebra::Vector3;
 
+use super::comments::{comments, heading};
+use super::error::ExportError;
+use super::format::{Exported, Format, RandomWalks};
+use super::options::{Axes, Options, Readings};
+use super::selection::{accelerometer, gyroscope, one};
 use super::thermal::{self, Lines, Thermal};
-use super::{
-    Axes, BY_TEMPERATURE, ExportError, Exported, Format, LEANER, Options, RandomWalks, Readings, accelerometer, beyond,
-    comments, gyroscope, heading, one,
-};
+use super::unsupported::{BY_TEMPERATURE, LEANER, beyond};
 use crate::fit::Calibration;
 use crate::fit::temperature::BiasCourse;
 use crate::messages::Triad;
@@ -43,7 +45,7 @@ struct Autopilot {
     thermal: fn(u8, &[Thermal]) -> Result<Lines, ExportError>,
     /// Whether these hold the offset at the temperature of reference.
     holds_offset: bool,
-    /// How it corrects for the temperature.
+    /// Its correction for the temperature.
     by_temperature: &'static str,
     /// Parameters of the board rotation, which lies between raw and corrected readings.
     rotation: &'static [&'static str],

@@ -3,9 +3,12 @@
 
 use nalgebra::Matrix3;
 
-use super::{
-    ExportError, Exported, Format, Options, RandomWalks, accelerometer, beyond, comments, heading, instead, one,
-};
+use super::comments::{comments, heading};
+use super::error::ExportError;
+use super::format::{Exported, Format, RandomWalks};
+use super::options::Options;
+use super::selection::{accelerometer, one};
+use super::unsupported::{beyond, instead};
 use crate::report::{Findings, row_major, yaml};
 
 pub(super) const YAML: Format = Format {

@@ -5,10 +5,12 @@
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 
-use super::{
-    ExportError, Exported, Format, RandomWalk, RandomWalks, accelerometer, beyond, comments, gyroscope, heading,
-    instead, one,
-};
+use super::comments::{comments, heading};
+use super::error::ExportError;
+use super::format::{Exported, Format, RandomWalks};
+use super::options::RandomWalk;
+use super::selection::{accelerometer, gyroscope, one};
+use super::unsupported::{beyond, instead};
 use crate::engine;
 use crate::fit::Calibration;
 use crate::messages::{AxisNoise, TriadMean};

@@ -3,7 +3,8 @@
 
 use serde_json::json;
 
-use super::{Exported, Format, RandomWalks, comments};
+use super::comments::comments;
+use super::format::{Exported, Format, RandomWalks};
 use crate::report::{Findings, imus, yaml};
 
 pub(super) const JSON: Format = Format {

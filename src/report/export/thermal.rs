@@ -7,7 +7,7 @@
 //! (c2 + c3 u) u) u · 1e-6`, both temperatures clipped to TMIN and TMAX, before the offset and scale. Both sensors share
 //! the range, of at least 10 °C.
 
-use super::ExportError;
+use super::error::ExportError;
 use crate::fit::temperature::{BiasCourse, HIGHEST, LEAST_SPAN};
 use crate::messages::TemperatureModel;
 use crate::report::Parameters;

@@ -30,7 +30,7 @@ pub(super) fn axes() -> Markup {
     html! { th {} th.n { "x" } th.n { "y" } th.n { "z" } }
 }
 
-/// How many there are beyond those listed.
+/// Number of those beyond the ones listed.
 pub(super) fn more(count: usize, listed: usize) -> Markup {
     let further = count.saturating_sub(listed);
     html! { @if further > 0 { p.dim { "… and " (further) " more." } } }

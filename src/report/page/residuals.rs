@@ -1,4 +1,4 @@
-//! What calibrations leave: of gravity and of rotation at the rests, and of the turns between them.
+//! Residuals of calibrations: gravity and rotation at the rests, and the turns between them.
 
 use maud::{Markup, html};
 

@@ -33,7 +33,7 @@ pub(crate) struct Prefetch<'a> {
     limits: Limits,
     work: Sender<Job>,
     chunks: Chunks,
-    /// What is requested together, if it is an object with a summary.
+    /// Spans that are requested together, if it is an object with a summary.
     spans: Option<Spans>,
     /// A chunk that it was too early to judge.
     postponed: Option<Chunk>,

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::record::{self, Event, Inventory, Kind, Limits, Original, ReadAt, recognise, recognise_scanned};
+use crate::record::{self, Event, FileKind, Inventory, Limits, Original, ReadAt, recognise, recognise_scanned};
 use crate::run::input::source::Source;
 use crate::run::output::in_place::Access;
 
@@ -53,11 +53,11 @@ impl Recording {
     /// The original in the file, if Stillpoint annotated it.
     pub(crate) fn original_in_it(&self, inventory: &Inventory) -> Result<Option<Self>, Error> {
         match self.kind()? {
-            Kind::Annotated { original, mut settings, .. } => {
+            FileKind::Annotated { original, mut settings, .. } => {
                 Ok(Some(Self { original, annotated_with: settings.remove("configuration"), ..self.again()? }))
             }
-            Kind::Sidecar { .. } => Err(self.is_a_sidecar()),
-            Kind::Recording | Kind::Edited { .. } => self.original_within(inventory),
+            FileKind::Sidecar { .. } => Err(self.is_a_sidecar()),
+            FileKind::Recording | FileKind::Edited { .. } => self.original_within(inventory),
         }
     }
 
@@ -73,12 +73,12 @@ impl Recording {
     pub fn open_original(path: &Path, access: Access) -> Result<Self, Error> {
         let file = Self::open_for(path, access)?;
         match file.kind()? {
-            Kind::Recording => Ok(file),
-            Kind::Annotated { original, mut settings, .. } => {
+            FileKind::Recording => Ok(file),
+            FileKind::Annotated { original, mut settings, .. } => {
                 Ok(Self { original, annotated_with: settings.remove("configuration"), ..file })
             }
-            Kind::Sidecar { .. } => Err(file.is_a_sidecar()),
-            Kind::Edited { why } => {
+            FileKind::Sidecar { .. } => Err(file.is_a_sidecar()),
+            FileKind::Edited { why } => {
                 let path = path.display();
                 tracing::warn!("{path}: was annotated, then edited by another program ({why}); what it added stays");
                 Ok(file)
@@ -94,15 +94,17 @@ impl Recording {
     pub fn open_annotated(path: &Path) -> Result<Self, Error> {
         let file = Self::open(path)?;
         let mut kind = file.kind()?;
-        if kind == Kind::Recording {
+        if kind == FileKind::Recording {
             let inventory = file.scan(Limits::default(), &|_| Ok(()), &mut |_: Event<'_>| Ok(()))?;
             kind = file.recognise(|bytes| recognise_scanned(bytes, &inventory))?;
         }
         match kind {
-            Kind::Annotated { original, .. } => Ok(Self { original, ..file }),
-            Kind::Recording => Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip")),
-            Kind::Sidecar { .. } => Err(Error::input(path, "holds annotations alone: there is no original in it")),
-            Kind::Edited { why } => {
+            FileKind::Annotated { original, .. } => Ok(Self { original, ..file }),
+            FileKind::Recording => {
+                Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip"))
+            }
+            FileKind::Sidecar { .. } => Err(Error::input(path, "holds annotations alone: there is no original in it")),
+            FileKind::Edited { why } => {
                 Err(Error::input(path, format!("was edited since it was annotated ({why}): the original is lost")))
             }
         }
@@ -111,15 +113,15 @@ impl Recording {
     /// Settings that determined the annotations in the file, if Stillpoint wrote it and nothing changed it since.
     pub(crate) fn settings(&self) -> Result<Option<BTreeMap<String, String>>, Error> {
         Ok(match self.recognise(|bytes| recognise(bytes, self.length()))? {
-            Kind::Annotated { settings, .. } | Kind::Sidecar { settings } => Some(settings),
-            Kind::Recording | Kind::Edited { .. } => None,
+            FileKind::Annotated { settings, .. } | FileKind::Sidecar { settings } => Some(settings),
+            FileKind::Recording | FileKind::Edited { .. } => None,
         })
     }
 
     /// The original in an annotated recording if its damage does not show in the copy.
     pub(crate) fn damaged_original(&self) -> Result<Option<Self>, Error> {
         match self.recognise(|bytes| recognise(bytes, self.length()))? {
-            Kind::Annotated { original, damaged: true, .. } => Ok(Some(Self { original, ..self.again()? })),
+            FileKind::Annotated { original, damaged: true, .. } => Ok(Some(Self { original, ..self.again()? })),
             _ => Ok(None),
         }
     }
@@ -135,7 +137,7 @@ impl Recording {
             return Ok(None);
         }
         match self.recognise(|bytes| recognise_scanned(bytes, inventory))? {
-            Kind::Annotated { original, mut settings, .. } => {
+            FileKind::Annotated { original, mut settings, .. } => {
                 Ok(Some(Self { original, annotated_with: settings.remove("configuration"), ..self.again()? }))
             }
             _ => Ok(None),
@@ -179,11 +181,14 @@ impl Recording {
     }
 
     /// Kind of the file, as far as its end tells.
-    pub(crate) fn kind(&self) -> Result<Kind, Error> {
+    pub(crate) fn kind(&self) -> Result<FileKind, Error> {
         self.recognise(|bytes| recognise(bytes, self.length()))
     }
 
-    fn recognise(&self, look: impl FnOnce(&mut Bytes<'_>) -> Result<Kind, record::Error>) -> Result<Kind, Error> {
+    fn recognise(
+        &self,
+        look: impl FnOnce(&mut Bytes<'_>) -> Result<FileKind, record::Error>,
+    ) -> Result<FileKind, Error> {
         look(&mut Bytes(&self.source)).map_err(Error::reading(&self.path))
     }
 
@@ -202,7 +207,7 @@ impl Recording {
         &self.source
     }
 
-    /// What tells it from other recordings of the same name, as far as its place does.
+    /// Length and, of an object, version, which tell it from other recordings of the same name.
     pub(crate) fn identity(&self) -> String {
         self.source.identity()
     }

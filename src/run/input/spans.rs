@@ -1,4 +1,4 @@
-//! Which chunks of an object are needed, as far as its summary and the channels met so far tell, and which bytes are
+//! Chunks of an object that are needed, as far as its summary and the channels met so far tell, and the bytes that are
 //! requested together. The result of a scan does not depend on it.
 
 use std::collections::BTreeSet;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::config::{Config, Layer};
-use crate::record::{Damage, Event, Kind, Limits};
+use crate::record::{Damage, Event, FileKind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::input::scan_file::Listener;
@@ -116,7 +116,7 @@ impl Input {
         &self.path
     }
 
-    /// What tells it from other recordings of the same name, as far as its place does.
+    /// Length and, of an object, version, which tell it from other recordings of the same name.
     pub(crate) fn identity(&self) -> String {
         self.splits.iter().map(Recording::identity).collect::<Vec<_>>().join("+")
     }
@@ -286,9 +286,9 @@ pub fn made(path: &Path) -> Option<Made> {
         return rosbag2::has_original(path).then_some(Made::Annotated);
     }
     match Recording::open(path).ok()?.kind().ok()? {
-        Kind::Annotated { .. } => Some(Made::Annotated),
-        Kind::Sidecar { .. } => Some(Made::Sidecar),
-        Kind::Recording | Kind::Edited { .. } => None,
+        FileKind::Annotated { .. } => Some(Made::Annotated),
+        FileKind::Sidecar { .. } => Some(Made::Sidecar),
+        FileKind::Recording | FileKind::Edited { .. } => None,
     }
 }
 

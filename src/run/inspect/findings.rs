@@ -18,7 +18,7 @@ use crate::run::input::splits::{Input, Read};
 pub struct Found {
     /// Its IMUs.
     pub imus: Vec<Findings>,
-    /// What the recorder noted of the channels of their topics, by topic.
+    /// Notes of the recorder on the channels of their topics, by topic.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// Its first damage.
     pub damage: Option<Damage>,

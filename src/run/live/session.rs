@@ -60,9 +60,9 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// Shows news. Never waits for a viewer.
-    pub fn show(&mut self, news: &Notice<'_>) {
-        match news {
+    /// Shows a notice. Never waits for a viewer.
+    pub fn show(&mut self, notice: &Notice<'_>) {
+        match notice {
             Notice::Channel { channel, schema } => {
                 self.unused.insert(channel.id, self.builder(channel, *schema));
                 self.earlier.iter_mut().for_each(|earlier| earlier.channel(channel, *schema));

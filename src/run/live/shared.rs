@@ -1,4 +1,4 @@
-//! State shared by all sessions: the server, and the publisher that shows the waiting messages.
+//! State shared by all sessions: the server, and the sender that shows the waiting messages.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -28,7 +28,7 @@ const PARTING: Duration = Duration::from_millis(500);
 /// Largest step back in time that is a message overtaken by annotations, not another recording, in nanoseconds (1 h).
 const DISORDER: u64 = 3_600_000_000_000;
 
-/// State shared by the tails and the publisher.
+/// State shared by the tails and the sender.
 pub(super) struct Shared {
     pub(super) server: WebSocketServerHandle,
     pub(super) context: Arc<Context>,

@@ -22,12 +22,12 @@ pub(crate) struct OutputSet<'a> {
     path: PathBuf,
     sync: bool,
     in_place: bool,
-    place: Place,
+    place: Destination,
     mark: ResultMark,
     written: Written,
 }
 
-enum Place {
+enum Destination {
     /// Files that appear when all of them are complete.
     Files { next: std::vec::IntoIter<Output>, whole: Vec<Output> },
     /// A folder that appears when all its files are complete.
@@ -40,14 +40,14 @@ impl<'a> OutputSet<'a> {
         let path = paths.first().map_or(input.path(), PathBuf::as_path).to_owned();
         let reads = input.reads();
         let mark = ResultMark { input: input.identity(), ..mark };
-        let files = |outputs: Vec<Output>| Place::Files { next: outputs.into_iter(), whole: Vec::new() };
+        let files = |outputs: Vec<Output>| Destination::Files { next: outputs.into_iter(), whole: Vec::new() };
         let place = match (options.form, &input.bag) {
             (Form::InPlace, _) => files(input.splits.iter().map(Output::itself).collect::<Result<_, _>>()?),
             (Form::Annotated, Some(_)) if is_url(&path) => {
                 let why = "the annotated folder of a folder cannot be put there; --sidecar puts its annotations there";
                 return Err(Error::Usage(format!("{}: {why}", path.display())));
             }
-            (Form::Annotated, Some(_)) => Place::Folder(Folder::open(&path, options.force, reads)?),
+            (Form::Annotated, Some(_)) => Destination::Folder(Folder::open(&path, options.force, reads)?),
             _ => {
                 let open = |path: &PathBuf| {
                     let mut output = Output::open(path, options.force, &reads)?;
@@ -71,10 +71,10 @@ impl<'a> OutputSet<'a> {
     /// Output of the next file.
     pub(crate) fn next(&mut self, index: usize) -> Result<Output, Error> {
         match &mut self.place {
-            Place::Files { next, .. } => {
+            Destination::Files { next, .. } => {
                 next.next().ok_or_else(|| Error::Usage("each file needs an output".to_owned()))
             }
-            Place::Folder(folder) => {
+            Destination::Folder(folder) => {
                 let name = self.input.bag.as_ref().and_then(|bag| bag.names().nth(index)).unwrap_or_default();
                 folder.output(name)
             }
@@ -84,8 +84,8 @@ impl<'a> OutputSet<'a> {
     /// Takes a complete file.
     pub(crate) fn put(&mut self, output: Output, split: &Recording) -> Result<(), Error> {
         match &mut self.place {
-            Place::Files { whole, .. } => whole.push(output),
-            Place::Folder(_) => self.written = self.written.and(output.finish(split, self.sync)?),
+            Destination::Files { whole, .. } => whole.push(output),
+            Destination::Folder(_) => self.written = self.written.and(output.finish(split, self.sync)?),
         }
         Ok(())
     }
@@ -97,7 +97,7 @@ impl<'a> OutputSet<'a> {
         let mark = ResultMark { outcome: Some(outcome), ..mark };
         let described = input.bag.as_ref().and_then(|bag| Some((bag, bag.original()?, bag.annotated(contents, own)?)));
         match place {
-            Place::Files { whole, .. } => {
+            Destination::Files { whole, .. } => {
                 let described = described.filter(|_| in_place);
                 if in_place {
                     // All of them, or none.
@@ -118,7 +118,7 @@ impl<'a> OutputSet<'a> {
                 }
                 Ok(written)
             }
-            Place::Folder(folder) => {
+            Destination::Folder(folder) => {
                 if let Some(bag) = &input.bag {
                     bag.blank().try_for_each(|name| folder.copy(bag, name, sync))?;
                 }

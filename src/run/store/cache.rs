@@ -21,7 +21,7 @@ struct CachedPart {
     bytes: Option<Bytes>,
 }
 
-/// What is known of the bytes at an offset.
+/// Knowledge of the bytes at an offset.
 pub(super) enum Held {
     /// The bytes from there on.
     Here(Bytes),

@@ -19,7 +19,7 @@ use url::{Position, Url};
 use super::refusal::refused;
 use crate::Error;
 
-/// How often, and for how long at most, a request is tried again, unless the environment says otherwise: about a minute.
+/// Number of times, and longest time, that a request is tried again, unless the environment says otherwise: about a minute.
 const RETRIES: usize = 10;
 const RETRY: Duration = Duration::from_secs(180);
 /// Environment variable for the time, in seconds; then the number does not count.
@@ -94,7 +94,7 @@ fn client(bucket: &str, url: &Url, scheme: &ObjectStoreScheme) -> object_store::
     Ok(store)
 }
 
-/// How often requests are tried again, and for how long.
+/// Number of times that requests are tried again, and the longest time.
 pub(super) fn retry() -> RetryConfig {
     let typed = std::env::var(RETRY_VARIABLE).ok();
     let typed = typed.and_then(|text| Duration::try_from_secs_f64(text.trim().parse().ok()?).ok());

@@ -8,6 +8,6 @@ pub(crate) struct Listed {
     pub(crate) path: PathBuf,
     /// Length in bytes.
     pub(crate) length: u64,
-    /// What tells it from another one of the same name.
+    /// Version that tells it from another one of the same name.
     pub(crate) version: String,
 }

@@ -2,7 +2,7 @@
 
 use crate::config::Config;
 
-/// What a result was made of, and what its exit code depends on.
+/// Sources of a result, and what its exit code depends on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ResultMark {
     /// Fingerprint of the version and configuration.

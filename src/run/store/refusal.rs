@@ -56,7 +56,7 @@ fn passing(path: &Path, doing: &'static str, why: &str) -> Error {
     Error::OutOfReach { doing, path: path.to_owned(), why: why.to_owned() }
 }
 
-/// What a refusal and its causes say.
+/// Text of a refusal and its causes.
 fn chain(refusal: &Refusal) -> String {
     let mut text = refusal.to_string();
     let mut cause = refusal.source();

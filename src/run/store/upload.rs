@@ -34,7 +34,7 @@ pub(crate) struct Upload {
     replaces: bool,
     part: u64,
     mark: ResultMark,
-    /// What is not sent yet.
+    /// Bytes that are not sent yet.
     pending: Vec<u8>,
     /// Locked by nobody: it is never shared, but what holds it is.
     parts: Mutex<Option<WriteMultipart>>,

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::index_log::{IndexLog, Mark};
 use crate::Error;
+use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::learner::Learner;
 use crate::record::{Inventory, Position, Sidecar};
 use crate::run::input::regular;
@@ -166,6 +167,7 @@ impl Checkpoint {
         state: &StateOf<'_>,
         sidecar: &SidecarFile,
         indexes: &IndexLog,
+        notify: Notify<'_>,
     ) -> Result<(), Error> {
         let before = self.settle();
         if self.foreign {
@@ -174,7 +176,9 @@ impl Checkpoint {
         let began = Instant::now();
         let bytes =
             encode(owner, Some(state)).map_err(|error| Error::io("write", &self.path)(io::Error::other(error)))?;
-        self.next = Instant::now() + INTERVAL.max(SHARE * began.elapsed());
+        let encoding = began.elapsed();
+        self.next = Instant::now() + INTERVAL.max(SHARE * encoding);
+        notify(Notice::Saved { length: bytes.len() as u64, encoding });
         let written = sidecar.file().try_clone().map_err(Error::io("write", sidecar.path()))?;
         let (path, beside) = (self.path.clone(), sidecar.path().to_owned());
         let indexes = indexes.file()?;

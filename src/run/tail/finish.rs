@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::index_log::Kind;
+use super::index_log::ItemKind;
 use super::location::Location;
 use super::names::set_aside;
 use super::shell::{Shell, Tailed};
@@ -134,8 +134,8 @@ impl Shell<'_> {
         for Split { inventory, topics, blocks: until, indexes: end, .. } in splits {
             let mut indexes = Indexes::beside(&self.output);
             self.indexes.items(at..*end, |kind, bytes| match kind {
-                kind if kind == Kind::Chunks as u8 => indexes.push(bytes, &[]),
-                kind if kind == Kind::Reindexed as u8 => indexes.push(&[], bytes),
+                kind if kind == ItemKind::Chunks as u8 => indexes.push(bytes, &[]),
+                kind if kind == ItemKind::Reindexed as u8 => indexes.push(&[], bytes),
                 _ => Ok(()),
             })?;
             followed.push(Followed { inventory, topics: *topics, blocks: until - blocks, indexes });
@@ -161,7 +161,7 @@ impl Shell<'_> {
             match piece {
                 Piece::Bytes(bytes) => self.sidecar_file.put(&bytes),
                 Piece::Indexes(_) => self.indexes.items(0..logged, |kind, bytes| {
-                    if kind == Kind::Sidecar as u8 {
+                    if kind == ItemKind::Sidecar as u8 {
                         self.sidecar_file.put(bytes);
                     }
                     Ok(())
@@ -202,7 +202,7 @@ impl Shell<'_> {
                 let bytes = sidecar.block(learner.topics(), block);
                 self.sidecar_file.put(&bytes.map_err(|e| Error::input(self.sidecar_file.path(), e.to_string()))?);
             }
-            self.indexes.push(Kind::Sidecar, &sidecar.take_indexes());
+            self.indexes.push(ItemKind::Sidecar, &sidecar.take_indexes());
             self.complete(sidecar, notify)?;
         }
         let path = self.sidecar_file.path().to_owned();

@@ -218,14 +218,14 @@ impl Shell<'_> {
 
     fn save_if_due(&mut self, progression: &mut Progression, notify: Notify<'_>) {
         if self.checkpoint.is_due()
-            && let Err(error) = self.save(progression)
+            && let Err(error) = self.save(progression, notify)
         {
             notify(Notice::Trouble(&error.to_string()));
         }
     }
 
     /// Saves the state if it can be resumed: all that was learned is written.
-    pub(super) fn save(&mut self, progression: &mut Progression) -> Result<(), Error> {
+    pub(super) fn save(&mut self, progression: &mut Progression, notify: Notify<'_>) -> Result<(), Error> {
         if progression.learner.has_blocks() || self.sidecar_file.has_pending() || !self.indexes.is_durable() {
             return Ok(());
         }
@@ -248,6 +248,6 @@ impl Shell<'_> {
             length: self.sidecar_file.length(),
             indexes,
         };
-        self.checkpoint.save(&self.owner, &state, &self.sidecar_file, &self.indexes)
+        self.checkpoint.save(&self.owner, &state, &self.sidecar_file, &self.indexes, notify)
     }
 }

@@ -22,7 +22,7 @@ const HEAD: usize = 1 + 4;
 
 /// Content of an item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ItemKind {
     /// Chunk indexes of the recording.
     Chunks = 0,
     /// Chunks of the recording with damaged message indexes.
@@ -90,7 +90,7 @@ impl IndexLog {
     }
 
     /// Appends an item, unless it has no bytes.
-    pub(super) fn push(&mut self, kind: Kind, bytes: &[u8]) {
+    pub(super) fn push(&mut self, kind: ItemKind, bytes: &[u8]) {
         if !bytes.is_empty() {
             self.pending.push(kind as u8);
             self.pending.extend((bytes.len() as u32).to_le_bytes());
@@ -228,14 +228,14 @@ mod tests {
         let mut log = IndexLog::new(path.clone()).unwrap();
         assert_eq!(log.flush().unwrap(), Mark::default());
         assert!(!path.exists(), "nothing was said");
-        log.push(Kind::Chunks, b"one");
+        log.push(ItemKind::Chunks, b"one");
         let mark = log.flush().unwrap();
-        log.push(Kind::Sidecar, b"lost");
+        log.push(ItemKind::Sidecar, b"lost");
         log.flush().unwrap();
 
         let mut again = IndexLog::new(path.clone()).unwrap();
         assert!(again.resume(mark).unwrap());
-        again.push(Kind::Reindexed, b"two");
+        again.push(ItemKind::Reindexed, b"two");
         let mark = again.flush().unwrap();
         assert_eq!(items(&again, mark), [(0, b"one".to_vec()), (1, b"two".to_vec())]);
         again.remove().unwrap();
@@ -248,7 +248,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.indexes");
         let mut log = IndexLog::new(path.clone()).unwrap();
-        log.push(Kind::Chunks, b"one");
+        log.push(ItemKind::Chunks, b"one");
         let mark = log.flush().unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
@@ -257,7 +257,7 @@ mod tests {
 
         std::fs::write(&path, "a stranger's").unwrap();
         let mut log = IndexLog::new(path.clone()).unwrap();
-        log.push(Kind::Chunks, b"one");
+        log.push(ItemKind::Chunks, b"one");
         let mark = log.flush().unwrap();
         assert!(!log.is_durable() && items(&log, mark) == [(0, b"one".to_vec())]);
         log.remove().unwrap();

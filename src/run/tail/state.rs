@@ -1,7 +1,7 @@
 //! Progress of a followed recording: everything that changes with its bytes. [`follow`](super::follow) reads them,
 //! [`Checkpoint`](crate::run::tail::checkpoint::Checkpoint) saves the state.
 
-use super::index_log::{IndexLog, Kind};
+use super::index_log::{IndexLog, ItemKind};
 use super::location::Location;
 use super::shell::Shell;
 use crate::Error;
@@ -106,21 +106,21 @@ impl Progression {
         let scan = Scan::resume(position).within_limits(shell.config.limits.of_recordings());
         let learner = learner.resume(shell.config);
         let mut progression = Self { location, done, growing, scan, learner, sidecar, profile, blocks };
-        progression.recall(&shell.sidecar_file, shell.stop)?;
+        progression.restore_findings(&shell.sidecar_file, shell.stop)?;
         progression.learner.tell_channels(notify);
         notify(Notice::Opened(progression.offset()));
         Ok(progression)
     }
 
     /// Restores the learner's state from the blocks of a killed run.
-    fn recall(&mut self, sidecar: &SidecarFile, stop: &Stop) -> Result<(), Error> {
+    fn restore_findings(&mut self, sidecar: &SidecarFile, stop: &Stop) -> Result<(), Error> {
         let topics = self.learner.topics().to_vec();
         let mut next = sidecar.blocks(&topics);
         while let Some(block) = next()? {
             stop.check()?;
-            self.learner.recall(&block.annotations, &topics);
+            self.learner.restore_findings(&block.annotations, &topics);
         }
-        self.learner.recall_open();
+        self.learner.restore_open_findings();
         Ok(())
     }
 
@@ -145,9 +145,9 @@ impl Progression {
 
     /// Moves chunk indexes into the log; they are not kept in memory.
     pub(super) fn log_indexes(&mut self, log: &mut IndexLog) {
-        log.push(Kind::Chunks, &self.scan.take_indexes());
-        log.push(Kind::Reindexed, &self.scan.take_reindexed());
-        self.sidecar.iter_mut().for_each(|sidecar| log.push(Kind::Sidecar, &sidecar.take_indexes()));
+        log.push(ItemKind::Chunks, &self.scan.take_indexes());
+        log.push(ItemKind::Reindexed, &self.scan.take_reindexed());
+        self.sidecar.iter_mut().for_each(|sidecar| log.push(ItemKind::Sidecar, &sidecar.take_indexes()));
     }
 
     /// Names of the files that have begun, in a folder.

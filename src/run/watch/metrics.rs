@@ -48,9 +48,9 @@ struct FollowedCounts {
 
 impl Metrics {
     /// Counts news of a recording.
-    pub fn note(&self, recording: &Path, news: &Notice<'_>) {
+    pub fn note(&self, recording: &Path, notice: &Notice<'_>) {
         let counts = &mut *self.lock();
-        match news {
+        match notice {
             Notice::Message { samples, .. } => {
                 counts.messages += 1;
                 counts.samples += *samples as u64;

@@ -34,7 +34,7 @@ pub struct WatchingPrefix {
     pub time_limit: Option<Duration>,
 }
 
-/// What is known of a recording.
+/// State of a recording.
 struct Known {
     version: String,
     state: KnownState,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::discovery::{self, Stamp};
 use super::watching::{WatchState, Watching};
 use crate::Error;
-use crate::record::Kind;
+use crate::record::FileKind;
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::splits::Input;
 use crate::run::input::{regular, rosbag2};
@@ -199,7 +199,7 @@ pub(super) fn make_way(recording: &Path, output: &Path, watch: Watch<'_>) -> Res
     let sidecar = sidecar_of(output);
     let is_ours = || {
         let kind = regular::open_own(&sidecar).is_ok().then(|| Recording::open(&sidecar).ok()?.kind().ok());
-        matches!(kind.flatten(), Some(Kind::Sidecar { .. }))
+        matches!(kind.flatten(), Some(FileKind::Sidecar { .. }))
     };
     if !checkpoint_of(&sidecar).exists() && is_ours() {
         set_aside(&sidecar)?;
@@ -215,7 +215,7 @@ pub(super) fn length(recording: &Path, stamp: &Stamp) -> u64 {
 /// Length in bytes of the recording that a result belongs to.
 fn original_length(output: &Path) -> Option<u64> {
     let of_file = |file: &Path| match Recording::open(file).ok()?.kind().ok()? {
-        Kind::Annotated { original, .. } => Some(original.length()),
+        FileKind::Annotated { original, .. } => Some(original.length()),
         _ => None,
     };
     match output.is_dir() {

@@ -156,9 +156,9 @@ fn follow(
     let following = Following { idle, ..watching.following.clone() };
     // A finished recording is processed too fast for anyone to watch.
     let mut show = (!finished).then(show);
-    let mut notify = |news: Notice<'_>| {
-        metrics.note(path, &news);
-        show.iter_mut().for_each(|show| show(&news));
+    let mut notify = |notice: Notice<'_>| {
+        metrics.note(path, &notice);
+        show.iter_mut().for_each(|show| show(&notice));
     };
     let tailed = tail(path, output, config, &following, stop, &mut notify)?;
     metrics.done(path, &tailed.report, tailed.length);

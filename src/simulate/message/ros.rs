@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, Header, Schema, Type};
+use super::content::{Body, Header};
+use super::schema::{Schema, Type};
 
 const RULE: &str = "================================================================================\n";
 const IMU: &str = "\

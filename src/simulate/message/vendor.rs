@@ -7,7 +7,8 @@ use prost_types::field_descriptor_proto::{Label, Type as FieldType};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use serde::Serialize;
 
-use super::{Body, Header, Schema, Type};
+use super::content::{Body, Header};
+use super::schema::{Schema, Type};
 use crate::messages::DESCRIPTORS;
 
 #[derive(prost::Message)]

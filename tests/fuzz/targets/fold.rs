@@ -9,7 +9,7 @@ use mcap::read::Summary;
 use mcap::records::{ChunkIndex, Record};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use stillpoint::record::{
-    Annotation, Block, Event, Fold, Inventory, Kind, Original, Piece, Scan, Tail, Topic, recognise,
+    Annotation, Block, Event, FileKind, Fold, Inventory, Original, Piece, Scan, Tail, Topic, recognise,
 };
 
 use super::made;
@@ -126,7 +126,7 @@ fn fold(inventory: Inventory, file: &[u8]) -> Option<Vec<u8>> {
 }
 
 fn strip(out: &[u8]) -> Option<Vec<u8>> {
-    let Kind::Annotated { original, .. } = recognise(&mut &out[..], out.len() as u64).unwrap() else { return None };
+    let FileKind::Annotated { original, .. } = recognise(&mut &out[..], out.len() as u64).unwrap() else { return None };
     let pieces = |original: &Original| original.pieces(0..original.length()).collect::<Vec<_>>();
     Some(
         pieces(&original)

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::parser::{Definition, IdlDefinitions, Struct, Type};
+use super::definitions::{Definition, IdlDefinitions, Struct, Type};
 use crate::imu::schema::layout::{Count, Evolution, Field, Kind, Message};
 
 /// Messages that the root needs, the root first; or a description of the problem.
