@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3 as Direction};
 
 use super::config::Config;
 use super::drift::Drift;
-use super::fault::FaultKind;
+use super::fault::{Fault, FaultKind};
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
@@ -72,8 +72,33 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
 
 /// Text on readings in another unit or of several sensors, because of which nothing seemed still.
 pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
-    let fault = solution.faults.iter().find(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating))?;
-    Some(format!("{}: {}", sensor(config, fault.sensor), fault.text))
+    let faults = solution.faults.iter().filter(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating));
+    let mut texts: Vec<_> = faults.map(|fault| format!("{}: {}", sensor(config, fault.sensor), fault.text)).collect();
+    texts.dedup();
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
+/// Text on a gyroscope in another unit, while nothing is published that says so in a note.
+pub(super) fn misread_rates(config: &Config, solution: &Solution) -> Option<String> {
+    solution
+        .accelerometer
+        .is_err()
+        .then(|| wrong_unit(solution))?
+        .map(|text| format!("{}: {text}", sensor(config, Sensor::Gyroscope)))
+}
+
+/// Lays the rests that seem to turn to the unit of the gyroscope, if that is wrong.
+pub(super) fn lay_to_unit(entries: &mut [JudgedRest], solution: &Solution) {
+    let Some(text) = wrong_unit(solution) else { return };
+    for entry in entries {
+        let rate = entry.rest.gyroscope.as_ref().map_or(0.0, |mean| mean.mean.norm());
+        entry.verdict.lay_to_unit(rate, text);
+    }
+}
+
+fn wrong_unit(solution: &Solution) -> Option<&str> {
+    let is_unit = |fault: &&Fault| fault.kind == FaultKind::Unit && fault.sensor == Sensor::Gyroscope;
+    solution.faults.iter().find(is_unit).map(|fault| fault.text.as_str())
 }
 
 /// Name of a triad.
@@ -88,7 +113,16 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
 
 /// Text on what prevents a calibration of the accelerometer, however many faces are shown; `None` if nothing known
 /// does.
-pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fixture) -> Option<String> {
+pub(super) fn obstacle(
+    config: &Config,
+    solution: &Solution,
+    entries: &[JudgedRest],
+    fixture: &Fixture,
+) -> Option<String> {
+    let none_accepted = !entries.is_empty() && !entries.iter().any(|entry| entry.verdict.is_accepted());
+    if let Some(misread) = misread(config, solution).filter(|_| none_accepted) {
+        return Some(misread);
+    }
     let forbidden = solution.faults.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
     if let Some(fault) = forbidden {
         return Some(fault.text.clone());

@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/hand.rs"]
+mod hand;
 #[path = "../common/session.rs"]
 mod session;
 
@@ -25,3 +27,4 @@ mod shell;
 mod splits;
 mod terminal;
 mod topics;
+mod units;
