@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::Stamp;
 use crate::imu::config::ImuConfig;
 use crate::imu::mapping::channel_role::ChannelRole;
 use crate::imu::mapping::known_types::{KnownType, known};
@@ -148,6 +149,25 @@ impl Intake {
 
     /// Indices of the requested IMUs that read a channel.
     pub fn sources_on(&self, channel_id: u16) -> impl Iterator<Item = usize> {
+    /// Channels of each IMU that has its sensors on several.
+    pub fn parts(&self) -> impl Iterator<Item = BTreeSet<u16>> {
+        let mut channels: BTreeMap<usize, BTreeSet<u16>> = BTreeMap::new();
+        for (&id, routes) in &self.routes {
+            routes.iter().for_each(|route| _ = channels.entry(route.source).or_default().insert(id));
+        }
+        channels.into_values().filter(|channels| channels.len() > 1)
+    }
+
+    /// Stamp of the last reading in the messages of a channel.
+    pub fn last_stamp(&self, channel_id: u16) -> Option<Stamp> {
+        self.routes.get(&channel_id)?.first()?.stamp
+    }
+
+    /// Stamp of a message that was not added yet.
+    pub fn stamp(&self, channel_id: u16, log_time: u64, data: &[u8]) -> Option<Stamp> {
+        self.routes.get(&channel_id)?.first()?.stamp_of(data, log_time)
+    }
+
         self.routes.get(&channel_id).into_iter().flatten().map(|route| route.source)
     }
 

@@ -24,7 +24,7 @@ use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::sources::Sources;
-use crate::pipeline::time_order::TimeOrder;
+use crate::pipeline::time_order::{Apart, TimeOrder};
 use crate::printable;
 use crate::record::{Annotation, Block, Channel, Damage, Event, Message as Recorded, Topic};
 use crate::report::Findings;
@@ -117,15 +117,15 @@ impl Learner {
         }
     }
 
-    /// Processes messages of these channels in the order of their log times.
-    pub(crate) fn in_time_order(self, channels: BTreeSet<u16>) -> Self {
+    /// Processes messages of these channels in the order of their times.
+    pub(crate) fn in_time_order(self, channels: Apart) -> Self {
         Self { time_order: TimeOrder::merging(channels), ..self }
     }
 
     /// Channels of one IMU that follow each other in the file, if any. Its results are unreliable unless they are read
     /// [in time order](Self::in_time_order).
-    pub(crate) fn apart(&self) -> Option<BTreeSet<u16>> {
-        self.time_order.apart()
+    pub(crate) fn apart(&self) -> Option<Apart> {
+        self.time_order.apart(self.sources.intake.parts())
     }
 
     /// Whether channels of one IMU may still turn out to follow each other.
@@ -169,7 +169,8 @@ impl Learner {
                 }
                 let Some(message) = self.sources.wanted(message) else { return };
                 if self.time_order.holds(message.channel) {
-                    self.time_order.hold(&message);
+                    let intake = &self.sources.intake;
+                    self.time_order.hold(&message, || intake.stamp(message.channel, message.log_time, message.data));
                     while let Some(held) = self.time_order.next() {
                         self.use_message(&held.message(), notify);
                     }
@@ -311,7 +312,7 @@ impl Learner {
         let imus = self.sources.intake.imus().iter().enumerate();
         let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
         ids.flat_map(|(id, imu)| self.timing.remarks(id).into_iter().map(move |text| format!("{}: {text}", imu.name)))
-            .chain(self.time_order.remark())
+            .chain(self.time_order.remark(self.sources.intake.parts()))
             .collect()
     }
 
@@ -328,6 +329,9 @@ impl Learner {
         let readings = &mut self.readings;
         let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
+        if let Some(stamp) = self.sources.intake.last_stamp(message.channel) {
+            self.time_order.watch_stamp(message.channel, stamp);
+        }
         let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
         notify(Notice::Message { message, samples: samples.count() });
         for imu in self.sources.intake.imus().iter().skip(self.imus.len()) {

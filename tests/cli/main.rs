@@ -16,6 +16,7 @@ mod in_place;
 mod met_cases;
 mod mistakes;
 mod mixed;
+mod order;
 mod readme;
 mod real_recordings;
 mod recordings;

@@ -43,6 +43,8 @@ pub(in crate::imu) struct Route {
     clock: TimeSource,
     /// Temperature of the IMU, if the messages hold it, and its path.
     thermometer: Option<(Thermometer, String)>,
+    /// Stamp of the last reading.
+    pub(in crate::imu) stamp: Option<Stamp>,
     /// Index of the number that replaces the frame, if any.
     device: Option<usize>,
     /// Numbers of the last message: the stamp if there is one, then each tap's numbers.
@@ -162,6 +164,7 @@ impl Route {
             thermometer,
             device,
             numbers: vec![0.0; numbers.len()],
+            stamp: None,
         })
     }
 
@@ -184,10 +187,21 @@ impl Route {
 
     /// Makes one reading of the last message the current one. Returns its stamp.
     pub(in crate::imu) fn load(&mut self, reading: usize, log_time: u64) -> Stamp {
-        let Some(batch) = &self.batch else { return self.clock.read(&self.numbers, log_time) };
-        batch.load(reading, &mut self.numbers);
+        if let Some(batch) = &self.batch {
+            batch.load(reading, &mut self.numbers);
+        }
         let stamp = self.clock.read(&self.numbers, log_time);
-        batch.time(reading, stamp, &self.numbers)
+        let stamp = self.batch.as_ref().map_or(stamp, |batch| batch.time(reading, stamp, &self.numbers));
+        self.stamp = Some(stamp);
+        stamp
+    }
+
+    /// Stamp of a message that is not read yet; `None` if it holds several readings, or cannot be read.
+    pub(in crate::imu) fn stamp_of(&self, data: &[u8], log_time: u64) -> Option<Stamp> {
+        let mut numbers = vec![0.0; self.numbers.len()];
+        self.decoder.read(data, &mut numbers).ok().filter(|_| self.batch.is_none())?;
+        let mut clock = self.clock;
+        Some(clock.read(&numbers, log_time))
     }
 
     /// Current reading of a tap, in m/s² or rad/s.

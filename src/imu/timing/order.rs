@@ -1,7 +1,5 @@
-//! Readings of one IMU, sorted by stamp if they arrive a little late.
-//!
-//! Readings are held back at the beginning, so that the first late ones are not lost. Once [`CALM`] readings have
-//! arrived in order, none is held back until one is late.
+//! Readings of one IMU, sorted by stamp if they arrive a little late: each is held back until those that may come so much
+//! later have come.
 
 use std::collections::VecDeque;
 
@@ -10,8 +8,6 @@ use serde::{Deserialize, Serialize};
 use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
 
-/// Number of readings in order after which none is held back any more.
-const CALM: u32 = 200;
 /// Number of consecutive readings beyond the allowed delay that show that the clock was set back.
 const PATIENCE: u32 = 5;
 /// Largest number of held readings per sensor.
@@ -21,17 +17,14 @@ const MOST_HELD: usize = 1 << 14;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Order {
     late_nanos: i64,
-    holds: bool,
     /// Whether a reading was ever late.
     ever: bool,
-    calm: u32,
     /// Queues by sensor.
     queues: Vec<HeldBack>,
     count: u64,
     /// Largest log time released so far: no result was known earlier.
     log_time: u64,
     moved: u64,
-    lost: u64,
 }
 
 /// Held readings of one sensor, in order.
@@ -46,17 +39,7 @@ struct HeldBack {
 
 impl Order {
     pub(super) fn new(late_nanos: i64) -> Self {
-        Self {
-            late_nanos,
-            holds: late_nanos > 0,
-            ever: false,
-            calm: 0,
-            queues: Vec::new(),
-            count: 0,
-            log_time: 0,
-            moved: 0,
-            lost: 0,
-        }
+        Self { late_nanos, ever: false, queues: Vec::new(), count: 0, log_time: 0, moved: 0 }
     }
 
     /// Adds a reading.
@@ -85,14 +68,8 @@ impl Order {
         queue.behind = 0;
         queue.newest = Some(newest.max(stamp));
         if late > 0 {
-            match self.holds {
-                true => self.moved += u64::from(matches!(reading, Reading::Sample(_))),
-                false => self.lost += 1,
-            }
-            (self.ever, self.holds, self.calm) = (true, self.late_nanos > 0, 0);
-        }
-        if !self.holds {
-            return self.tell(read, sink);
+            self.moved += u64::from(matches!(reading, Reading::Sample(_)));
+            self.ever = true;
         }
         self.count += 1;
         let at = queue.held.iter().rposition(|&(held, ..)| held <= stamp).map_or(0, |at| at + 1);
@@ -101,11 +78,6 @@ impl Order {
             true => newest,
             false => newest.max(stamp).saturating_sub(self.late_nanos),
         };
-        self.calm += 1;
-        if self.calm >= CALM && !self.ever {
-            self.holds = false;
-            return self.let_go(None, sink);
-        }
         self.let_go(Some(until), sink);
     }
 
@@ -117,13 +89,8 @@ impl Order {
     /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
         let ms = self.late_nanos as f64 * 1e-6;
-        (self.moved + self.lost > 0).then(|| {
-            let lost = match self.lost {
-                0 => String::new(),
-                lost => format!("; {lost} came before that was expected, and are dropped"),
-            };
-            format!("{} readings came late by up to {ms} ms (still.late_s) and were sorted in{lost}", self.moved)
-        })
+        let moved = self.moved;
+        (moved > 0).then(|| format!("{moved} readings came late by up to {ms} ms (still.late_s) and were sorted in"))
     }
 
     /// Releases readings up to a stamp, in order, or all of them.
