@@ -59,18 +59,24 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     }
     let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
-    let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
-    Some(format!(
-        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest, \
-         or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
-        said(accel),
-        said(gyro),
-        config.accel_ceiling,
-        config.gyro_ceiling
-    ))
+    let known = [(accel, "m/s²", config.accel_ceiling), (gyro, "rad/s", config.gyro_ceiling)];
+    let known = || known.into_iter().filter_map(|(level, unit, most)| Some((level?, unit, most)));
+    let quietest: Vec<_> = known().map(|(level, unit, _)| format!("{level:.3} {unit}")).collect();
+    let credible: Vec<_> = known().map(|(.., most)| most.to_string()).collect();
+    Some(match quietest.as_slice() {
+        [] => "never seen still: the readings are too few to tell what is quiet. Let the sensor rest for some seconds"
+            .to_owned(),
+        quietest => format!(
+            "never seen still: the quietest was {} per axis, credible {} {}. Let the sensor rest, or raise still.accel_ceiling \
+             and still.gyro_ceiling if it vibrates by nature",
+            quietest.join(" and "),
+            if credible.len() == 1 { "is" } else { "are" },
+            credible.join(" and ")
+        ),
+    })
 }
 
-/// Text on readings in another unit or of several sensors, because of which nothing seemed still.
+/// Text on readings in another unit or of several sensors, because of which nothing seemed still or every rest a turn.
 pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
     let faults = solution.faults.iter().filter(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating));
     let mut texts: Vec<_> = faults.map(|fault| format!("{}: {}", sensor(config, fault.sensor), fault.text)).collect();

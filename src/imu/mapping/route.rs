@@ -31,6 +31,8 @@ pub(in crate::imu) struct Route {
     pub(in crate::imu) source: usize,
     pub(in crate::imu) taps: Vec<Tap>,
     pub(in crate::imu) counts: Counts,
+    /// Description of the first malformed message.
+    pub(in crate::imu) malformed: Option<String>,
     /// Number of messages read.
     pub(in crate::imu) messages: u64,
     /// Frames met so far, the first one always.
@@ -41,10 +43,10 @@ pub(in crate::imu) struct Route {
     /// Readings of a message, if there are several.
     batch: Option<Batch>,
     clock: TimeSource,
-    /// Temperature of the IMU, if the messages hold it, and its path.
-    thermometer: Option<(Thermometer, String)>,
     /// Stamp of the last reading.
     pub(in crate::imu) stamp: Option<Stamp>,
+    /// Temperature of the IMU, if the messages hold it, and its path.
+    thermometer: Option<(Thermometer, String)>,
     /// Index of the number that replaces the frame, if any.
     device: Option<usize>,
     /// Numbers of the last message: the stamp if there is one, then each tap's numbers.
@@ -155,16 +157,17 @@ impl Route {
             source,
             taps,
             counts: Counts::default(),
+            malformed: None,
             messages: 0,
             frames: Vec::new(),
             in_order: false,
             decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
             batch: Batch::of(&numbers, count, period),
             clock: stamp.clock,
+            stamp: None,
             thermometer,
             device,
             numbers: vec![0.0; numbers.len()],
-            stamp: None,
         })
     }
 
@@ -219,6 +222,19 @@ impl Route {
         let factor = self.number(tap.scale).map_or(tap.factor, |scale| tap.factor * scale);
         let value = self.added(tap).map_or(read, |added| read + added) * (factor / seconds);
         if value.iter().all(|axis| axis.is_finite()) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// Whether of its triads only the gyroscope was measured: no others are there, or theirs are all marked as not
+    /// measured, or zero.
+    pub(in crate::imu) fn is_gyroscope_alone(&self) -> bool {
+        let absent = |tap: &Tap| {
+            let refused: u64 = tap.counts.iter().map(|(_, count)| count).sum();
+            let is_absent = |cause| matches!(cause, Cause::NotMeasured | Cause::Zero);
+            refused >= self.messages && tap.counts.iter().all(|(cause, _)| is_absent(cause))
+        };
+        let gyroscope = self.taps.iter().find(|tap| tap.sensor == Sensor::Gyroscope);
+        let others = || self.taps.iter().filter(|tap| tap.sensor != Sensor::Gyroscope);
+        gyroscope.is_some_and(|tap| others().next().is_none() || !absent(tap)) && others().all(absent)
     }
 
     /// Temperature in the last message, °C.

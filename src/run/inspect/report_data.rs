@@ -84,9 +84,11 @@ fn report_data_in_order(
         }
         timelines.notes.extend(learner.finish(&mut |_| {}).notes);
     }
+    let why_none = timelines.why_no_imu();
     let (imus, notes, damages) = timelines.finish();
     if imus.is_empty() {
-        return Err(Error::input(input.path(), "was annotated, but no IMU was found in it: nothing to report"));
+        let why = format!("was annotated, but no IMU was found in it: {why_none}");
+        return Err(Error::input(input.path(), why));
     }
     Ok(ReportData { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes, damages })
 }
