@@ -133,15 +133,27 @@ fn other_unit(recorded: f64, or: Option<f64>) -> String {
         RateScale::Degrees => "in deg/s".to_owned(),
         RateScale::Milliradians => "in mrad/s".to_owned(),
         RateScale::Millidegrees => "in thousandths of a deg/s".to_owned(),
+        RateScale::RevolutionsPerMinute => "in revolutions per minute".to_owned(),
+        RateScale::Revolutions => "in revolutions per second".to_owned(),
         RateScale::Counts(a_degree) => format!("raw counts of the converter, {a_degree:.1} a °/s"),
+        RateScale::Unknown(times) => format!("{} times those in rad/s", rounded(times)),
     };
     let or = or.map(|or| format!(", or {}", called(or))).unwrap_or_default();
     let remedy = match RateScale::near(recorded) {
         RateScale::Radians => ": set gyro = { unit = \"rad/s\" } in its [[imu]]",
         RateScale::Degrees => ": set gyro = { unit = \"deg/s\" } in its [[imu]]",
+        RateScale::Unknown(_) => {
+            ", which is no known unit: is the full-scale range that its driver assumes the one that is set?"
+        }
         _ => ", which no setting converts: record them in rad/s or deg/s",
     };
     format!("between rests gravity turned as if the rates were {}{or}{remedy}", called(recorded))
+}
+
+/// Text of a factor that is known to a few percent.
+fn rounded(times: f64) -> String {
+    let digits = if times < 0.1 { 3 } else { usize::from(times < 1.0) + usize::from(times < 10.0) };
+    format!("{times:.digits$}")
 }
 
 /// Fault of axes that are not in order, and the text on it.
@@ -242,6 +254,9 @@ mod tests {
             (930.0, "16.4 a °/s"),
             (7600.0, "131.0 a °/s"),
             (57_000.0, "thousandths of a deg/s"),
+            (9.5, "revolutions per minute"),
+            (4.1, "4.1 times those in rad/s"),
+            (0.25, "0.25 times those in rad/s"),
         ] {
             let (kind, text) = otherwise(per_radian, None, AxisOrder::RIGHT, rad);
             assert!(kind == Misread::Unit && text.contains(word), "{per_radian}: {text}");
