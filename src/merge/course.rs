@@ -45,7 +45,9 @@ impl History {
         let strays = self.strays.iter().map(|wrong| {
             let when: Vec<_> = wrong.iter().map(|start| moment(*start)).collect();
             match when.as_slice() {
-                [only] => format!("the rest at {only} contradicts all others: a wrong placement, and no change of the sensor"),
+                [only] => {
+                    format!("the rest at {only} contradicts all others: a wrong placement, and no change of the sensor")
+                }
                 _ => format!(
                     "one of the rests at {} is wrong: without it, all others agree. Place that face once more",
                     when.join(" and ")

@@ -3,8 +3,8 @@
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use rand::{Rng, SeedableRng as _};
 use rand::seq::SliceRandom as _;
+use rand::{Rng, SeedableRng as _};
 use stillpoint::merge::{ChangeKind, MOST_RESTS, Merge, Merged};
 use stillpoint::messages::{self, Segment};
 use stillpoint::report::Findings;

@@ -5,6 +5,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/session.rs"]
+mod session;
 #[path = "../common/warm.rs"]
 mod warm;
 
@@ -17,5 +19,6 @@ mod recorder;
 mod rotations;
 mod splits;
 mod temperature;
+mod times;
 mod troubles;
 mod watched;
