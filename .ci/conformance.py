@@ -11,20 +11,24 @@ from concurrent import futures
 MAGIC=b"\x89MCAP0\r\n"
 def s(t): b=t.encode(); return struct.pack("<I",len(b))+b
 def rec(op,body,pad=b""): return bytes([op])+struct.pack("<Q",len(body)+len(pad))+body+pad
+# Log times of ten messages, which are not in order.
+ORDER=[0,2,1,3,3,5,4,7,8,9]
 def build(data,f,padding=b"\x01\xff\xff"):
     pad=padding if "pad" in f else b""
+    one,schemaless=data.count("M")==1,"S" not in data
     out=bytearray(MAGIC+rec(1,s("")+s(""),pad))
     inner=bytearray(); midx={}; mdx=[];ax=[];cix=[]; msgs=0;span=[]
     schema=lambda p: rec(3,struct.pack("<H",1)+s("Example")+s("c")+struct.pack("<I",3)+b"\x04\x05\x06",p)
-    channel=lambda p: rec(4,struct.pack("<HH",1,1)+s("example")+s("a")+struct.pack("<I",len(s("foo")+s("bar")))+s("foo")+s("bar"),p)
+    of=struct.pack("<HH",1,0)+s("example")+s("text")+struct.pack("<I",0) if schemaless else struct.pack("<HH",1,1)+s("example")+s("a")+struct.pack("<I",len(s("foo")+s("bar")))+s("foo")+s("bar")
+    channel=lambda p: rec(4,of,p)
     for kind in data:
         target=inner if "ch" in f else out
         if kind=="S": target+=schema(pad if "ch" not in f else b"")
         elif kind=="C": target+=channel(pad if "ch" not in f else b"")
         elif kind=="M":
-            msgs+=1; t=2+msgs; span.append(t)
+            at=ORDER[msgs]; msgs+=1; t,q,p=(2,10,1) if one else (at,msgs-1,at); span.append(t)
             midx.setdefault(1,[]).append((t,len(inner)))
-            target+=rec(5,struct.pack("<HIQQ",1,10,t,1)+b"\x01\x02\x03")
+            target+=rec(5,struct.pack("<HIQQ",1,q,t,p)+b"\x01\x02\x03")
         elif kind=="A":
             body=struct.pack("<QQ",2,1)+s("myFile")+s("application/octet-stream")+struct.pack("<Q",3)+b"\x01\x02\x03"
             body+=struct.pack("<I",zlib.crc32(body)); off=len(out); r=rec(9,body,pad); out+=r

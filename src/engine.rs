@@ -321,8 +321,15 @@ impl Engine {
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
         let step = segmenter.accel_step().or(promised);
         let accel_unit = config.accel_unit.unwrap_or_default();
-        let judge =
-            Judge { still: &config.still, fit: &config.fit, fixture, segmenter, gravity: gravity.value, accel_unit };
+        let judge = Judge {
+            still: &config.still,
+            fit: &config.fit,
+            fixture,
+            segmenter,
+            gravity: gravity.value,
+            accel_unit,
+            rate_unit_is_set: config.gyro_unit.is_some(),
+        };
         let (kept, reference) = (gate.shape(), reference.as_ref());
         let rotations = Rotations { declared: &config.fit.rotations, first: first.unwrap_or_default() };
         let givens = Givens { gravity, step, kept, reference, turns, past_turns, rotations, gyro_range };
@@ -348,6 +355,7 @@ impl Engine {
         solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &givens, &solution));
         fault_detection::attribute(&mut solution.faults);
         fault_detection::veto(&mut solution);
+        guidance::lay_to_unit(history.entries_mut(), &solution);
         solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution
     }
@@ -385,8 +393,10 @@ impl Engine {
         }
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));
-        let obstacle = never_still.or_else(|| guidance::obstacle(solution, self.history.entries(), &self.fixture));
-        let coverage = publication::coverage(header.clone(), &self.history, &self.fixture, solution, obstacle);
+        let obstacle =
+            never_still.or_else(|| guidance::obstacle(&self.config, solution, self.history.entries(), &self.fixture));
+        let coverage =
+            publication::coverage(header.clone(), &self.history, (&self.config, &self.fixture), solution, obstacle);
         if let Some(coverage) = self.gate.coverage(coverage) {
             events.push(event(Message::Coverage(coverage)));
         }
@@ -474,8 +484,8 @@ pub fn refit(
     let header = publication::header(stamp, &config.frame_id);
     let segment = |entry| publication::segment(header.clone(), entry, config, fixture);
     let segments = history.entries().iter().map(segment).collect();
-    let obstacle = guidance::obstacle(&solution, history.entries(), fixture);
-    let coverage = publication::coverage(header.clone(), history, fixture, &solution, obstacle);
+    let obstacle = guidance::obstacle(config, &solution, history.entries(), fixture);
+    let coverage = publication::coverage(header.clone(), history, (config, fixture), &solution, obstacle);
     let mut calibration = publication::calibration(header, history, config, &solution);
     for (moved, triad) in moved.into_iter().zip([&mut calibration.accelerometer, &mut calibration.gyroscope]) {
         if let (Some(moved), Some(triad)) = (moved, triad) {

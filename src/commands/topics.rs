@@ -55,7 +55,7 @@ const SHOWN: usize = 50;
 
 /// Whether there is nothing to say of a topic but that it is no IMU.
 fn is_dull(used: &Use) -> bool {
-    let plain = matches!(&used.verdict, ChannelRole::Other { vectors, suggestion: None } if vectors.is_empty());
+    let plain = matches!(&used.verdict, ChannelRole::Other { vectors, suggestion: None, .. } if vectors.is_empty());
     plain && used.remarks.is_empty() && used.configuration.is_none()
 }
 

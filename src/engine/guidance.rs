@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3 as Direction};
 
 use super::config::Config;
 use super::drift::Drift;
-use super::fault::FaultKind;
+use super::fault::{Fault, FaultKind};
 use super::next_step::seconds;
 use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
@@ -60,22 +60,53 @@ pub(super) fn never_still(segmenter: &Segmenter, found: u64, config: &still::Con
     }
     let level = |floor: Option<f64>| floor.map(|floor| floor / 3_f64.sqrt());
     let (accel, gyro) = (level(status.accel_floor), level(status.gyro_floor));
-    let said = |level: Option<f64>| level.map_or_else(|| "unknown".to_owned(), |level| format!("{level:.3}"));
-    Some(format!(
-        "never seen still: the quietest was {} m/s² and {} rad/s per axis, credible are {} and {}. Let the sensor rest \
-         for {}, or raise still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
-        said(accel),
-        said(gyro),
-        config.accel_ceiling,
-        config.gyro_ceiling,
-        seconds(segmenter.hold_s())
-    ))
+    let known = [(accel, "m/s²", config.accel_ceiling), (gyro, "rad/s", config.gyro_ceiling)];
+    let known = || known.into_iter().filter_map(|(level, unit, most)| Some((level?, unit, most)));
+    let quietest: Vec<_> = known().map(|(level, unit, _)| format!("{level:.3} {unit}")).collect();
+    let credible: Vec<_> = known().map(|(.., most)| most.to_string()).collect();
+    Some(match quietest.as_slice() {
+        [] => "never seen still: the readings are too few to tell what is quiet. Let the sensor rest for some seconds"
+            .to_owned(),
+        quietest => format!(
+            "never seen still: the quietest was {} per axis, credible {} {}. Let the sensor rest for {}, or raise \
+             still.accel_ceiling and still.gyro_ceiling if it vibrates by nature",
+            quietest.join(" and "),
+            if credible.len() == 1 { "is" } else { "are" },
+            credible.join(" and "),
+            seconds(segmenter.hold_s())
+        ),
+    })
 }
 
-/// Text on readings in another unit or of several sensors, because of which nothing seemed still.
+/// Text on readings in another unit or of several sensors, because of which nothing seemed still or every rest a turn.
 pub(super) fn misread(config: &Config, solution: &Solution) -> Option<String> {
-    let fault = solution.faults.iter().find(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating))?;
-    Some(format!("{}: {}", sensor(config, fault.sensor), fault.text))
+    let faults = solution.faults.iter().filter(|fault| matches!(fault.kind, FaultKind::Unit | FaultKind::Alternating));
+    let mut texts: Vec<_> = faults.map(|fault| format!("{}: {}", sensor(config, fault.sensor), fault.text)).collect();
+    texts.dedup();
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
+/// Text on a gyroscope in another unit, while nothing is published that says so in a note.
+pub(super) fn misread_rates(config: &Config, solution: &Solution) -> Option<String> {
+    solution
+        .accelerometer
+        .is_err()
+        .then(|| wrong_unit(solution))?
+        .map(|text| format!("{}: {text}", sensor(config, Sensor::Gyroscope)))
+}
+
+/// Lays the rests that seem to turn to the unit of the gyroscope, if that is wrong.
+pub(super) fn lay_to_unit(entries: &mut [JudgedRest], solution: &Solution) {
+    let Some(text) = wrong_unit(solution) else { return };
+    for entry in entries {
+        let rate = entry.rest.gyroscope.as_ref().map_or(0.0, |mean| mean.mean.norm());
+        entry.verdict.lay_to_unit(rate, text);
+    }
+}
+
+fn wrong_unit(solution: &Solution) -> Option<&str> {
+    let is_unit = |fault: &&Fault| fault.kind == FaultKind::Unit && fault.sensor == Sensor::Gyroscope;
+    solution.faults.iter().find(is_unit).map(|fault| fault.text.as_str())
 }
 
 /// Name of a triad.
@@ -90,7 +121,16 @@ pub(super) fn sensor(config: &Config, sensor: Sensor) -> &str {
 
 /// Text on what prevents a calibration of the accelerometer, however many faces are shown; `None` if nothing known
 /// does.
-pub(super) fn obstacle(solution: &Solution, entries: &[JudgedRest], fixture: &Fixture) -> Option<String> {
+pub(super) fn obstacle(
+    config: &Config,
+    solution: &Solution,
+    entries: &[JudgedRest],
+    fixture: &Fixture,
+) -> Option<String> {
+    let none_accepted = !entries.is_empty() && !entries.iter().any(|entry| entry.verdict.is_accepted());
+    if let Some(misread) = misread(config, solution).filter(|_| none_accepted) {
+        return Some(misread);
+    }
     let forbidden = solution.faults.iter().find(|s| s.sensor == Sensor::Accelerometer && s.forbids());
     if let Some(fault) = forbidden {
         return Some(fault.text.clone());

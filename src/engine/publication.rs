@@ -52,7 +52,7 @@ pub(super) fn segment(
 pub(super) fn coverage(
     header: messages::Header,
     history: &RestHistory,
-    fixture: &Fixture,
+    (config, fixture): (&Config, &Fixture),
     solution: &Solution,
     obstacle: Option<String>,
 ) -> messages::Coverage {
@@ -78,7 +78,13 @@ pub(super) fn coverage(
     // A model that needs no faces makes up for missing ones.
     let complete = solution.accelerometer.is_ok() || faces.iter().all(|face| face.placements > 0);
     let confirmed = status::accelerometer(solution);
-    let next_step = obstacle.unwrap_or_else(|| next_step::next_step(&faces, history.found(), solution, confirmed));
+    let next_step = obstacle.unwrap_or_else(|| {
+        let next = next_step::next_step(&faces, history.found(), solution, confirmed);
+        match guidance::misread_rates(config, solution) {
+            Some(misread) => format!("{misread}. Then {next}"),
+            None => next,
+        }
+    });
     messages::Coverage { header: Some(header), faces, complete, next_step }
 }
 

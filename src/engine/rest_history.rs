@@ -42,6 +42,9 @@ pub(super) struct Verdict {
     /// Nearest face of the fixture, and the angle to it in degrees, once the orientation is known.
     pub(super) face: Option<(usize, f64)>,
     pub(super) explanation: String,
+    /// Whether it is laid to the unit of the gyroscope.
+    #[serde(default)]
+    pub(super) misread: bool,
 }
 
 impl Verdict {
@@ -60,7 +63,18 @@ impl Verdict {
         const TILT: f64 = 1.0;
         let tilts = (self.face, told.face);
         let moved = matches!(tilts, (Some((_, now)), Some((_, then))) if (now - then).abs() > TILT);
-        self.reason != told.reason || self.face() != told.face() || moved && !self.is_accepted()
+        self.reason != told.reason
+            || self.face() != told.face()
+            || self.misread != told.misread
+            || moved && !self.is_accepted()
+    }
+
+    /// Explains a turn at a constant rate by the unit of the gyroscope, if that is wrong.
+    pub(super) fn lay_to_unit(&mut self, rate: f64, fault: &str) {
+        if self.reason == Reason::Turning {
+            self.misread = true;
+            self.explanation = format!("mean rate of {rate:.3} as it is read: {fault}");
+        }
     }
 
     /// Nearest face of the fixture.
@@ -75,7 +89,7 @@ impl Verdict {
 
 impl RestHistory {
     pub(super) fn add(&mut self, rest: Rest) {
-        let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new() };
+        let verdict = Verdict { reason: Reason::TooShort, face: None, explanation: String::new(), misread: false };
         let seconds = rest.seconds();
         let rate_taken_off = Vector3::zeros();
         self.entries.push(JudgedRest { rest, verdict, told: None, count: 1, seconds, rate_taken_off });

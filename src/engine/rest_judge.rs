@@ -23,6 +23,8 @@ pub(super) struct Judge<'a> {
     pub(super) gravity: f64,
     /// Unit that the accelerometer's readings were converted from.
     pub(super) accel_unit: AccelUnit,
+    /// Whether the unit of the gyroscope's readings is configured.
+    pub(super) rate_unit_is_set: bool,
 }
 
 /// Poses that a model can use.
@@ -50,7 +52,7 @@ impl Judge<'_> {
                 Some((reason, explanation)) => (reason, explanation),
                 None => (Reason::Accepted, String::new()),
             };
-            entry.verdict = Verdict { reason, face: None, explanation };
+            entry.verdict = Verdict { reason, face: None, explanation, misread: false };
         }
     }
 
@@ -137,9 +139,10 @@ impl Judge<'_> {
         let rate = rest.gyroscope.as_ref()?.mean;
         if !self.is_bias(&rate) {
             let explanation = format!(
-                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias {}: does it turn?",
+                "mean rate of {:.3} rad/s, outside fit.bounds.gyro_bias {}: does it turn{}?",
                 rate.norm(),
-                self.fit.bounds.gyro_bias
+                self.fit.bounds.gyro_bias,
+                if self.rate_unit_is_set { "" } else { ", or is another unit than rad/s to be set" }
             );
             return Some((Reason::Turning, explanation));
         }

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::Stamp;
 use crate::imu::config::ImuConfig;
 use crate::imu::mapping::channel_role::ChannelRole;
 use crate::imu::mapping::known_types::{KnownType, known};
@@ -59,6 +60,8 @@ pub struct MissingTopic {
     pub nearest: Option<String>,
 }
 
+/// Most numbers that are listed of a message without vectors.
+const NUMBERS: usize = 12;
 /// Number of zeros from the start after which a triad is reported as absent.
 const ZEROS: u64 = 100;
 
@@ -146,6 +149,25 @@ impl Intake {
             || routes.any(|(source, id)| *channels.entry(source).or_insert(id) != id)
     }
 
+    /// Channels of each IMU that has its sensors on several.
+    pub fn parts(&self) -> impl Iterator<Item = BTreeSet<u16>> {
+        let mut channels: BTreeMap<usize, BTreeSet<u16>> = BTreeMap::new();
+        for (&id, routes) in &self.routes {
+            routes.iter().for_each(|route| _ = channels.entry(route.source).or_default().insert(id));
+        }
+        channels.into_values().filter(|channels| channels.len() > 1)
+    }
+
+    /// Stamp of the last reading in the messages of a channel.
+    pub fn last_stamp(&self, channel_id: u16) -> Option<Stamp> {
+        self.routes.get(&channel_id)?.first()?.stamp
+    }
+
+    /// Stamp of a message that was not added yet.
+    pub fn stamp(&self, channel_id: u16, log_time: u64, data: &[u8]) -> Option<Stamp> {
+        self.routes.get(&channel_id)?.first()?.stamp_of(data, log_time)
+    }
+
     /// Indices of the requested IMUs that read a channel.
     pub fn sources_on(&self, channel_id: u16) -> impl Iterator<Item = usize> {
         self.routes.get(&channel_id).into_iter().flatten().map(|route| route.source)
@@ -186,6 +208,7 @@ impl Intake {
                 Err(error) => {
                     if route.counts.count(Cause::Malformed) == 1 {
                         notice(&route.topic, format!(": a message is refused: {error}"));
+                        route.malformed = Some(error.to_string());
                     }
                     continue;
                 }
@@ -289,11 +312,9 @@ impl Intake {
                 .iter()
                 .flat_map(|tap| tap.counts.iter().map(|(cause, count)| (Some(tap.name.clone()), cause, count)));
             let parts = parts.filter(|&(_, cause, count)| cause != Cause::Zero || count >= ZEROS);
-            faults.extend(whole.chain(parts).map(|(sensor, cause, count)| RefusalCount {
-                topic: route.topic.clone(),
-                sensor,
-                cause,
-                count,
+            faults.extend(whole.chain(parts).map(|(sensor, cause, count)| {
+                let detail = route.malformed.clone().filter(|_| cause == Cause::Malformed && sensor.is_none());
+                RefusalCount { topic: route.topic.clone(), sensor, cause, count, detail }
             }));
         }
         faults
@@ -308,13 +329,13 @@ impl Intake {
             let refused = !route.counts.is_empty() || route.taps.iter().any(|tap| !tap.counts.is_empty());
             if route.messages == 0 && !refused {
                 reasons.push("has no messages".to_owned());
-            } else if !route.taps.is_empty() && route.taps.iter().all(|tap| tap.sensor == Sensor::Gyroscope) {
+            } else if route.is_gyroscope_alone() {
                 reasons.push("is a gyroscope alone; an IMU needs an accelerometer".to_owned());
             }
         }
         for half in self.halves.values().filter(|half| half.side == Side::Gyroscope && half.source.is_none()) {
             let paired = self.halves.values().any(|other| other.fits(half));
-            if half.gyro.is_some() && !paired {
+            if (half.gyro.is_some() || half.vector.is_some()) && !paired {
                 topics
                     .entry(&half.topic)
                     .or_default()
@@ -390,10 +411,12 @@ impl Intake {
             (false, ..) => ChannelRole::Used(uses),
             (true, Some(fault), _) => ChannelRole::Skipped(fault),
             (true, None, Some((imu, path))) => ChannelRole::Temperature { imu, path },
-            (true, None, None) => ChannelRole::Other {
-                vectors: [layout.vectors(), layout.listed_vectors()].concat(),
-                suggestion: Suggestion::of(topic, layout).map(Box::new),
-            },
+            (true, None, None) => {
+                let vectors = [layout.vectors(), layout.listed_vectors()].concat();
+                let numbers = if vectors.is_empty() { layout.floats(NUMBERS) } else { Vec::new() };
+                let numbers = if numbers.len() < 3 { Vec::new() } else { numbers };
+                ChannelRole::Other { vectors, numbers, suggestion: Suggestion::of(topic, layout).map(Box::new) }
+            }
         };
         let half = if by_itself { PairedTopic::new(topic, layout.name()) } else { None };
         match (half, known.as_slice()) {

@@ -47,7 +47,11 @@ impl Layout {
             (_, "") => return unread(&format!("{message_encoding} with a schema that names no language")),
             (_, language) => return unread(&format!("{message_encoding} with a {language} schema")),
         };
-        Ok(Self { wire, messages })
+        let layout = Self { wire, messages };
+        match layout.is_placeholder() {
+            true => Err(SchemaError::Placeholder { name: schema.name.clone() }),
+            false => Ok(layout),
+        }
     }
 
     /// Layout of JSON messages like this one; `None` if it is not a JSON object, or too long for an example.

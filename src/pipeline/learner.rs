@@ -12,8 +12,6 @@ mod publish;
 mod restore;
 mod use_message;
 
-use std::collections::BTreeSet;
-
 use serde::{Deserialize, Serialize};
 
 use self::engine_setup::topic_of;
@@ -29,7 +27,7 @@ use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::sources::Sources;
-use crate::pipeline::time_order::TimeOrder;
+use crate::pipeline::time_order::{Apart, TimeOrder};
 use crate::record::{Block, Damage, Event, Topic};
 use crate::report::Findings;
 
@@ -93,15 +91,15 @@ impl Learner {
         }
     }
 
-    /// Processes messages of these channels in the order of their log times.
-    pub(crate) fn in_time_order(self, channels: BTreeSet<u16>) -> Self {
+    /// Processes messages of these channels in the order of their times.
+    pub(crate) fn in_time_order(self, channels: Apart) -> Self {
         Self { time_order: TimeOrder::merging(channels), ..self }
     }
 
     /// Channels of one IMU that follow each other in the file, if any. Its results are unreliable unless they are read
     /// [in time order](Self::in_time_order).
-    pub(crate) fn apart(&self) -> Option<BTreeSet<u16>> {
-        self.time_order.apart()
+    pub(crate) fn apart(&self) -> Option<Apart> {
+        self.time_order.apart(self.sources.intake.parts())
     }
 
     /// Whether channels of one IMU may still turn out to follow each other.
@@ -145,7 +143,8 @@ impl Learner {
                 }
                 let Some(message) = self.sources.wanted(message) else { return };
                 if self.time_order.holds(message.channel) {
-                    self.time_order.hold(&message);
+                    let intake = &self.sources.intake;
+                    self.time_order.hold(&message, || intake.stamp(message.channel, message.log_time, message.data));
                     while let Some(held) = self.time_order.next() {
                         self.use_message(&held.message(), notify);
                     }

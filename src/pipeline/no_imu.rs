@@ -44,15 +44,25 @@ pub(crate) fn why_no_imu(sources: &Sources, obstacles: &[String]) -> String {
     if !missing.is_empty() {
         return format!("no usable IMU topic among {listed}; {}", missing.join("; "));
     }
-    if !obstacles.is_empty() {
-        let why = obstacles.join("; ");
-        return format!("no usable IMU topic among {listed}: {why}; see stillpoint topics");
+    // Where gravity is on a topic of its own, it was mostly removed from the accelerometer.
+    let is_gravity = |(entry, _): (&Entry, _)| entry.channel.topic.rsplit('/').next().is_some_and(is_called_gravity);
+    let suggested = suggested(sources.channels().map(|(_, verdict)| verdict));
+    let suggested = suggested.filter(|_| !sources.channels().any(is_gravity));
+    // What cannot be read cannot be mapped.
+    let is_skipped = |(_, verdict): (&Entry, &ChannelRole)| matches!(verdict, ChannelRole::Skipped(_));
+    if !obstacles.is_empty() && suggested.is_none() || sources.channels().all(is_skipped) {
+        let why = if obstacles.is_empty() { String::new() } else { format!(": {}", obstacles.join("; ")) };
+        return format!("no usable IMU topic among {listed}{why}; see stillpoint topics");
     }
-    let advice = match suggested(sources.channels().map(|(_, verdict)| verdict)) {
+    let advice = match suggested {
         Some(imu) => format!("add --set '{}' (by its names) if it reads m/s² and rad/s", imu.setting()),
         None => r#"map one with --set 'imu=[{topic="…", accel="…", gyro="…"}]'"#.to_owned(),
     };
     format!("no usable IMU topic among {listed}; {advice}; see stillpoint topics, which also tells the units")
+}
+
+fn is_called_gravity(name: &str) -> bool {
+    name.eq_ignore_ascii_case("gravity")
 }
 
 /// Suggested configuration for a recording in which nothing is used. An IMU is preferred to an accelerometer by itself,

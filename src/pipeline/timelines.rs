@@ -3,6 +3,7 @@
 use super::annotations;
 use super::damages::Damages;
 use super::learner::Learner;
+use super::no_imu::why_no_imu;
 use super::sources::Sources;
 use crate::annotate;
 use crate::config::Config;
@@ -79,11 +80,19 @@ impl Timelines {
         }
     }
 
+    /// Reasons why there is no IMU.
+    pub(crate) fn why_no_imu(&self) -> String {
+        why_no_imu(&self.sources, &self.sources.intake.obstacles())
+    }
+
     /// Timelines, notes, and number of damages.
     pub(crate) fn finish(self) -> (Vec<Timeline>, Vec<String>, u64) {
-        let Self { imus, notes, damages, .. } = self;
+        let Self { imus, notes, damages, sources, annotated, .. } = self;
         let mut lines = damages.lines();
         lines.extend(notes);
+        // A learner tells the same.
+        let faults = annotated.then(|| sources.intake.faults()).into_iter().flatten();
+        lines.extend(faults.map(|fault| fault.to_string()));
         (imus, lines, damages.count())
     }
 

@@ -6,7 +6,11 @@ use std::io;
 fn kind(found: &[u8]) -> String {
     let begins = |with: &[u8]| found.starts_with(with);
     let what = match () {
-        () if begins(b"version ") => "a Git LFS pointer, which stands for the recording; fetch it with `git lfs pull`",
+        () if is_pointer(found) => "a Git LFS pointer, which stands for the recording; fetch it with `git lfs pull`",
+        () if !found.is_empty() && found.iter().all(|&byte| byte == 0) => {
+            "it begins with nothing but zeros, as a file does whose copy or download was broken off, or whose disk lost power; copy \
+             it again from where it was recorded"
+        }
         () if begins(&[0x28, 0xb5, 0x2f, 0xfd]) => {
             "compressed as a whole by zstd (rosbag2's compression_mode FILE, for one); decompress it with `zstd -d`"
         }
@@ -38,6 +42,16 @@ fn kind(found: &[u8]) -> String {
         () => return format!("it {}; convert ROS bags with `mcap convert` first", beginning(found)),
     };
     what.to_owned()
+}
+
+/// Whether a Git LFS pointer begins like this: "version https://…", in UTF-8 or UTF-16, with or without a mark of the
+/// encoding.
+fn is_pointer(found: &[u8]) -> bool {
+    let text = [&b"\xef\xbb\xbf"[..], b"\xff\xfe", b"\xfe\xff"].iter().find_map(|mark| found.strip_prefix(*mark));
+    let text: Vec<u8> = text.unwrap_or(found).iter().copied().filter(|&byte| byte != 0).collect();
+    // Of UTF-16 only half as many letters are known.
+    let known = text.len().min(8);
+    known >= 3 && b"version ".starts_with(text.get(..known).unwrap_or_default())
 }
 
 /// Reason why a recording cannot be read or written.

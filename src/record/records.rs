@@ -1,5 +1,8 @@
 //! MCAP records that scanning and folding need, parsed from bytes and written to bytes. Their order in a file is left
 //! to [`Scan`](super::Scan) and [`Fold`](super::Fold).
+//!
+//! Every record may be extended: fields that are not known, at its end, are ignored, as the specification asks for. Only a
+//! message cannot be, whose data takes what is left, nor the footer, which is found by its distance from the end.
 
 use std::collections::BTreeMap;
 

@@ -7,7 +7,7 @@ mod finished;
 mod settings;
 mod split_learner;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -25,6 +25,7 @@ use crate::imu::ChannelRole;
 use crate::pipeline::annotated_before::annotated_before;
 use crate::pipeline::correction_pass::CorrectionPass;
 use crate::pipeline::learner::{Learned, not_corrected, uncorrected};
+use crate::pipeline::time_order::Apart;
 use crate::record::{Block, Channel, Damage, Event, Inventory, Topic};
 use crate::report::Findings;
 use crate::run::input::recording::Watch;
@@ -79,7 +80,7 @@ fn annotate_in_order(
     (config, mark): (&Config, &ResultMark),
     options: Options,
     watch: Watch<'_>,
-    order: Option<BTreeSet<u16>>,
+    order: Option<Apart>,
 ) -> Result<(Report, Written), Error> {
     let settings = settings(config);
     let alone = options.form == Form::Sidecar;
@@ -226,12 +227,7 @@ pub fn calibrate(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Rep
     calibrate_in_order(input, &input.configured(config), watch, None)
 }
 
-fn calibrate_in_order(
-    input: &Input,
-    config: &Config,
-    watch: Watch<'_>,
-    order: Option<BTreeSet<u16>>,
-) -> Result<Report, Error> {
+fn calibrate_in_order(input: &Input, config: &Config, watch: Watch<'_>, order: Option<Apart>) -> Result<Report, Error> {
     let mut splits = SplitLearner::new(input, config, Options::default(), order);
     for (index, split) in input.splits.iter().enumerate() {
         let done = splits.done;

@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/hand.rs"]
+mod hand;
 #[path = "../common/session.rs"]
 mod session;
 
@@ -15,6 +17,8 @@ mod in_place;
 mod met_cases;
 mod mistakes;
 mod mixed;
+mod offers;
+mod order;
 mod readme;
 mod real_recordings;
 mod recordings;
@@ -26,3 +30,5 @@ mod shell;
 mod splits;
 mod terminal;
 mod topics;
+mod units;
+mod unread;

@@ -58,6 +58,8 @@ fn records_with_unknown_fields_are_no_damage() {
     let Some(folder) = folder("06_padded_one_message.mcap") else { return };
     let run = annotate(&folder, 0, "");
     assert_eq!(run.json()["damage"]["count"], 0, "{}", run.stdout);
+    // Of one message no level is known.
+    assert!(run.stdout.contains("the readings are too few") && !run.stdout.contains("unknown"), "{}", run.stdout);
 }
 
 #[test]

@@ -336,7 +336,7 @@ fn bytes_behind_the_end_are_damage_and_a_second_recording_is_named() {
     let said = annotated(&[&whole[..], &whole[..]].concat());
     assert!(said.contains("another recording") && said.contains(&whole.len().to_string()), "{said}");
     let said = annotated(&[&whole[..], b"\n"].concat());
-    assert!(said.contains("1 bytes behind the end"), "{said}");
+    assert!(said.contains("1 byte behind the end") && said.contains("1 byte is not used"), "{said}");
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn the_unit_of_gravity_is_told_from_the_readings_and_that_of_a_gyroscope_is_unco
 fn readings_that_no_unit_explains_are_said_to_be_so() {
     let folder = Folder::new();
     recording(&folder, &[("/free", &|i| sample(i, 0.3, 1.0)), ("/mg", &|i| sample(i, 1000.0, 1.0))]);
-    assert!(said(&folder, "", "/free")["remarks"].to_string().contains("gravity removed"));
+    assert!(said(&folder, "", "/free")["remarks"].to_string().contains("gravity was removed"));
     let remarks = said(&folder, "", "/mg")["remarks"].to_string();
     assert!(remarks.contains("in mg or cm/s²"), "{remarks}");
 }

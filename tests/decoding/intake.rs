@@ -255,7 +255,7 @@ fn acme() -> Schema {
 #[test]
 fn a_topic_of_another_type_is_offered_and_the_offered_lines_work() {
     let mut door = Door::new("");
-    let ChannelRole::Other { vectors, suggestion } = door.channel(1, "/acme", &acme()).clone() else { panic!() };
+    let ChannelRole::Other { vectors, suggestion, .. } = door.channel(1, "/acme", &acme()).clone() else { panic!() };
     assert_eq!(vectors.iter().map(ToString::to_string).collect::<Vec<_>>(), ["accel_g"]);
     assert!(!door.intake.wants(1));
 

@@ -303,6 +303,19 @@ fn what_a_format_cannot_hold_is_refused() {
     let turned = Parameters::parse("SENS_BOARD_ROT,8\nCAL_ACC0_XOFF,0\n").unwrap();
     let turned = Options { readings: Readings::Corrected(turned), ..raw(Axes::Frd) };
     assert!(refused(&diagonal, "px4", &turned).contains("SENS_BOARD_ROT"));
+    // Those of the sensors themselves, of the slot that is written.
+    for (slot, name) in [(0, "CAL_GYRO0_ROT"), (0, "CAL_ACC0_ROT"), (1, "CAL_ACC1_ROT"), (1, "CAL_GYRO1_ROT")] {
+        let in_force = |rotation: i32| {
+            let zeros = "CAL_ACC0_XOFF,0\nCAL_ACC1_XOFF,0\nCAL_GYRO0_XOFF,0\nCAL_GYRO1_XOFF,0\n";
+            let parameters = Parameters::parse(&format!("{zeros}{name},{rotation}\n")).unwrap();
+            Options { slot, readings: Readings::Corrected(parameters), ..raw(Axes::Frd) }
+        };
+        assert!(refused(&diagonal, "px4", &in_force(6)).contains(name), "{name}");
+        for harmless in [in_force(0), in_force(-1), Options { slot: 1 - slot, ..in_force(6) }] {
+            let written = report::export(&diagonal.findings(), Format::named("px4").unwrap(), &harmless);
+            assert!(written.is_ok(), "{name}: {:?}", written.err().map(|error| error.to_string()));
+        }
+    }
 }
 
 #[test]

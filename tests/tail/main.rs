@@ -7,6 +7,8 @@
 mod common;
 #[path = "../common/many_channels.rs"]
 mod many_channels;
+#[path = "../common/session.rs"]
+mod session;
 #[path = "../common/warm.rs"]
 mod warm;
 
@@ -20,5 +22,6 @@ mod recorder;
 mod rotations;
 mod splits;
 mod temperature;
+mod times;
 mod troubles;
 mod watched;

@@ -28,6 +28,8 @@ pub enum ChannelRole {
     Other {
         /// Paths of the vectors in its messages.
         vectors: Vec<FieldPath>,
+        /// Paths of the first numbers, if there are no vectors but numbers enough for one.
+        numbers: Vec<FieldPath>,
         /// Possible IMU or accelerometer, judging by the names.
         suggestion: Option<Box<Suggestion>>,
     },
@@ -66,7 +68,18 @@ impl fmt::Display for ChannelRole {
             Self::Temperature { imu, path } => write!(f, "temperature of {imu} ({path})"),
             Self::Position => f.write_str("position, for the length of gravity"),
             Self::Skipped(reason) => write!(f, "skipped: {reason}"),
-            Self::Other { vectors, .. } if vectors.is_empty() => f.write_str("not an IMU"),
+            Self::Other { vectors, numbers, .. } if vectors.is_empty() && numbers.is_empty() => {
+                f.write_str("not an IMU")
+            }
+            Self::Other { vectors, numbers, .. } if vectors.is_empty() => {
+                let numbers: Vec<_> = numbers.iter().map(FieldPath::called).collect();
+                write!(
+                    f,
+                    "not an IMU as far as its type tells; it has the numbers {}, of which three make a vector: \
+                     accel = [\"…\", \"…\", \"…\"]",
+                    numbers.join(", ")
+                )
+            }
             Self::Other { vectors, .. } => {
                 let vectors: Vec<_> = vectors.iter().map(FieldPath::called).collect();
                 write!(f, "not an IMU as far as its type tells; it has the vectors {}", vectors.join(", "))

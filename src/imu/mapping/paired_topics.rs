@@ -52,13 +52,19 @@ impl PairedTopic {
 
 /// Triad in a name, and the name without it; `None` if there is no triad or more than one.
 fn parted(name: &str) -> Option<(Side, String)> {
-    const WORDS: [(&str, Side); 10] = [
+    const WORDS: [(&str, Side); 16] = [
         ("accelerometer", Side::Accelerometer),
         ("gyroscope", Side::Gyroscope),
         ("accel", Side::Accelerometer),
         ("gyro", Side::Gyroscope),
         ("acceleration", Side::Accelerometer),
+        ("linear_acceleration", Side::Accelerometer),
+        ("linearacceleration", Side::Accelerometer),
+        ("linear_accel", Side::Accelerometer),
         ("angular_velocity", Side::Gyroscope),
+        ("angularvelocity", Side::Gyroscope),
+        ("angular_rate", Side::Gyroscope),
+        ("ang_vel", Side::Gyroscope),
         ("rotation_rate", Side::Gyroscope),
         ("rotationrate", Side::Gyroscope),
         ("acc", Side::Accelerometer),
@@ -93,5 +99,14 @@ mod tests {
         assert!(!fits(("/accel", imu), ("/accel", imu)));
         assert!(!fits(("/accel_gyro", imu), ("/gyro_gyro", imu)));
         assert!(!fits(("/accel", imu), ("/gyro", gyro)));
+        let vector = "geometry_msgs/Vector3Stamped";
+        for gyro in ["/imu/angular_velocity", "/imu/angularVelocity", "/imu/angular_rate", "/imu/ang_vel", "/imu/gyro"]
+        {
+            for accel in
+                ["/imu/linear_acceleration", "/imu/linearAcceleration", "/imu/linear_accel", "/imu/acceleration"]
+            {
+                assert!(fits((accel, vector), (gyro, vector)), "{accel} {gyro}");
+            }
+        }
     }
 }

@@ -66,14 +66,27 @@ pub struct RefusalCount {
     pub cause: Cause,
     /// Number of refusals.
     pub count: u64,
+    /// Description of the first one, if the cause does not say everything.
+    pub detail: Option<String>,
+}
+
+impl RefusalCount {
+    /// Cause in words, with the first case if it says more.
+    pub fn why(&self) -> String {
+        match &self.detail {
+            Some(detail) => format!("{}; the first: {detail}", self.cause),
+            None => self.cause.to_string(),
+        }
+    }
 }
 
 impl fmt::Display for RefusalCount {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { topic, sensor, cause, count } = self;
+        let Self { topic, sensor, count, .. } = self;
+        let why = self.why();
         match sensor {
-            Some(sensor) => write!(f, "{topic}, {sensor}: {} refused: {cause}", counted(*count, "reading")),
-            None => write!(f, "{topic}: {} refused: {cause}", counted(*count, "message")),
+            Some(sensor) => write!(f, "{topic}, {sensor}: {} refused: {why}", counted(*count, "reading")),
+            None => write!(f, "{topic}: {} refused: {why}", counted(*count, "message")),
         }
     }
 }

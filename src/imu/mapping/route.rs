@@ -32,6 +32,8 @@ pub(in crate::imu) struct Route {
     pub(in crate::imu) source: usize,
     pub(in crate::imu) taps: Vec<Tap>,
     pub(in crate::imu) counts: Counts,
+    /// Description of the first malformed message.
+    pub(in crate::imu) malformed: Option<String>,
     /// Number of messages read.
     pub(in crate::imu) messages: u64,
     /// Frames met so far, the first one always.
@@ -42,6 +44,8 @@ pub(in crate::imu) struct Route {
     /// Readings of a message, if there are several.
     batch: Option<Batch>,
     clock: TimeSource,
+    /// Stamp of the last reading.
+    pub(in crate::imu) stamp: Option<Stamp>,
     /// Temperature of the IMU, if the messages hold it, and its path.
     thermometer: Option<(Thermometer, String)>,
     /// Index of the number that replaces the frame, if any.
@@ -157,12 +161,14 @@ impl Route {
             source,
             taps,
             counts: Counts::default(),
+            malformed: None,
             messages: 0,
             frames: Vec::new(),
             in_order: false,
             decoder: Decoder::new(layout, &numbers, stamp.frame.as_ref())?,
             batch: Batch::of(&numbers, count, period),
             clock: stamp.clock,
+            stamp: None,
             thermometer,
             device,
             numbers: vec![0.0; numbers.len()],
@@ -188,10 +194,21 @@ impl Route {
 
     /// Makes one reading of the last message the current one. Returns its stamp.
     pub(in crate::imu) fn load(&mut self, reading: usize, log_time: u64) -> Stamp {
-        let Some(batch) = &self.batch else { return self.clock.read(&self.numbers, log_time) };
-        batch.load(reading, &mut self.numbers);
+        if let Some(batch) = &self.batch {
+            batch.load(reading, &mut self.numbers);
+        }
         let stamp = self.clock.read(&self.numbers, log_time);
-        batch.time(reading, stamp, &self.numbers)
+        let stamp = self.batch.as_ref().map_or(stamp, |batch| batch.time(reading, stamp, &self.numbers));
+        self.stamp = Some(stamp);
+        stamp
+    }
+
+    /// Stamp of a message that is not read yet; `None` if it holds several readings, or cannot be read.
+    pub(in crate::imu) fn stamp_of(&self, data: &[u8], log_time: u64) -> Option<Stamp> {
+        let mut numbers = vec![0.0; self.numbers.len()];
+        self.decoder.read(data, &mut numbers).ok().filter(|_| self.batch.is_none())?;
+        let mut clock = self.clock;
+        Some(clock.read(&numbers, log_time))
     }
 
     /// Current reading of a tap, in m/s² or rad/s.
@@ -209,6 +226,19 @@ impl Route {
         let factor = self.number(tap.scale).map_or(tap.factor, |scale| tap.factor * scale);
         let value = tap.order.apply(&self.added(tap).map_or(read, |added| read + added)) * (factor / seconds);
         if Sample::is_reading(&value) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// Whether of its triads only the gyroscope was measured: no others are there, or theirs are all marked as not
+    /// measured, or zero.
+    pub(in crate::imu) fn is_gyroscope_alone(&self) -> bool {
+        let absent = |tap: &Tap| {
+            let refused: u64 = tap.counts.iter().map(|(_, count)| count).sum();
+            let is_absent = |cause| matches!(cause, Cause::NotMeasured | Cause::Zero);
+            refused >= self.messages && tap.counts.iter().all(|(cause, _)| is_absent(cause))
+        };
+        let gyroscope = self.taps.iter().find(|tap| tap.sensor == Sensor::Gyroscope);
+        let others = || self.taps.iter().filter(|tap| tap.sensor != Sensor::Gyroscope);
+        gyroscope.is_some_and(|tap| others().next().is_none() || !absent(tap)) && others().all(absent)
     }
 
     /// Temperature in the last message, °C.

@@ -29,26 +29,26 @@ impl Suggestion {
     /// IMU whose vectors are among these.
     fn named(topic: &str, candidates: &[(String, VectorPath)]) -> Option<Self> {
         let find = |is: fn(&str) -> bool| candidates.iter().find(|(name, _)| is(name));
-        let whole = |name: &str| is_accel(name) && !is_without_gravity(name);
-        let accel = candidates.iter().find(|(name, _)| whole(name));
-        let has_gravity = candidates.iter().any(|(name, _)| name == "gravity");
-        let accel = accel.or_else(|| find(is_accel).filter(|_| has_gravity));
+        let gravity = find(|name| name == "gravity").and_then(|(_, path)| match path {
+            VectorPath::Whole(gravity) => Some(gravity),
+            VectorPath::Axes(_) => None,
+        });
+        // Where a phone removes gravity, its sum with the acceleration is the reading of the accelerometer.
+        let is_part = |name: &str| is_without_gravity(name) || gravity.is_some() && is_linear(name);
+        let mut accels = candidates.iter().filter(|(name, _)| is_accel(name));
+        let accel = accels.clone().find(|(name, _)| !is_part(name));
+        let accel = accel.or_else(|| accels.next().filter(|_| gravity.is_some()));
         if let Some((name, accel)) = accel {
             let unit = is_in_g(name).then_some(AccelUnit::StandardGravity);
             let gyro = find(is_gyro).map(|(name, path)| {
-                let unit = is_in_degrees(name).then_some(RateUnit::DegreesPerSecond);
+                let degrees = is_in_degrees(name) || is_of_browser(path);
+                let unit = degrees.then_some(RateUnit::DegreesPerSecond);
                 VectorConfig { path: Some(path.clone()), unit, ..VectorConfig::default() }
             });
-            let gravity = candidates.iter().find(|(name, _)| name == "gravity").map(|(_, path)| path);
-            // Where a phone removes gravity, its sum with the acceleration is the reading of the accelerometer; in g if
-            // the names are Apple's.
-            let (plus, unit) = match gravity {
-                Some(VectorPath::Whole(gravity)) if is_without_gravity(name) => {
-                    let unit = if name == "useracceleration" { Some(AccelUnit::StandardGravity) } else { unit };
-                    (Some(gravity.clone()), unit)
-                }
-                _ => (None, unit),
-            };
+            let plus = gravity.filter(|_| is_part(name)).cloned();
+            // In g if the names are Apple's.
+            let is_apple = plus.is_some() && name == "useracceleration";
+            let unit = if is_apple { Some(AccelUnit::StandardGravity) } else { unit };
             let accel = Some(VectorConfig { path: Some(accel.clone()), plus, unit, ..VectorConfig::default() });
             return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
         }
@@ -82,7 +82,8 @@ impl Suggestion {
 
     /// IMU whose halves are the only vectors of topics of unknown types.
     pub(in crate::imu) fn of_vectors((accel, path): (&str, VectorPath), (gyro, of_gyro): (&str, VectorPath)) -> Self {
-        let gyro = VectorConfig { topic: Some(gyro.to_owned()), path: Some(of_gyro), ..VectorConfig::default() };
+        let unit = is_of_browser(&of_gyro).then_some(RateUnit::DegreesPerSecond);
+        let gyro = VectorConfig { topic: Some(gyro.to_owned()), path: Some(of_gyro), unit, ..VectorConfig::default() };
         let accel_config = VectorConfig { path: Some(path), ..VectorConfig::default() };
         Self::Imu(ImuConfig {
             topic: accel.to_owned(),
@@ -214,7 +215,8 @@ fn of_paths(vectors: Vec<FieldPath>, triples: Vec<(String, [FieldPath; 3])>) -> 
         // `accel.value` is named after the message around it.
         let own = path.name().to_lowercase();
         let around = path.parent().map(|parent| parent.name().to_lowercase()).filter(|name| !name.is_empty());
-        let name = if is_accel(&own) || is_gyro(&own) { own } else { around.unwrap_or(own) };
+        let named = is_accel(&own) || is_gyro(&own) || own == "gravity";
+        let name = if named { own } else { around.unwrap_or(own) };
         (name, VectorPath::Whole(path))
     });
     vectors.chain(triples.into_iter().map(|(name, axes)| (name, VectorPath::Axes(axes)))).collect()
@@ -229,6 +231,17 @@ fn is_accel(name: &str) -> bool {
 /// Whether gravity was removed from it, judging by its name.
 fn is_without_gravity(name: &str) -> bool {
     name.contains("useracc") || name.contains("user_acc")
+}
+
+/// Whether gravity was removed from it if there is a vector of gravity beside it: Android's names. (Those of ROS are the
+/// same for readings as they are.)
+fn is_linear(name: &str) -> bool {
+    name.contains("linear")
+}
+
+/// Whether it has the names that browsers give rates, which are in deg/s (W3C Device Orientation).
+fn is_of_browser(path: &VectorPath) -> bool {
+    matches!(path, VectorPath::Axes([first, ..]) if first.name() == "alpha")
 }
 
 fn is_gyro(name: &str) -> bool {

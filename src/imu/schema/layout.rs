@@ -119,6 +119,9 @@ impl Place {
     }
 }
 
+/// Member that rosidl adds to a message without fields.
+pub(in crate::imu) const PLACEHOLDER: &str = "structure_needs_at_least_one_member";
+
 /// Reason why a channel's messages cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SchemaError {
@@ -133,10 +136,21 @@ pub enum SchemaError {
     Missing(String),
     /// The schema defines nothing.
     #[error(
-        "the schema {name} is empty: its recorder did not find the definition; record where the package is installed, or \
-         give the recording its schema"
+        "{} is empty: its recorder did not find the definition; record where the package is installed, or give the recording \
+         its schema",
+        called(name)
     )]
     Empty {
+        /// Name of the schema.
+        name: String,
+    },
+    /// The schema has only the member that generators of code put into messages without any.
+    #[error(
+        "{} is empty but for a placeholder: its messages hold nothing, or its recorder did not find the definition; then record \
+         where the package is installed, or give the recording its schema",
+        called(name)
+    )]
+    Placeholder {
         /// Name of the schema.
         name: String,
     },
@@ -168,7 +182,20 @@ pub enum SchemaError {
     },
 }
 
+/// A schema in a sentence.
+fn called(name: &str) -> String {
+    if name.is_empty() { "the schema".to_owned() } else { format!("the schema {name}") }
+}
+
 impl Layout {
+    /// Whether the messages have no field but the one that generators of code put into messages without any, although their
+    /// type is not called empty.
+    pub(in crate::imu) fn is_placeholder(&self) -> bool {
+        let fields = self.messages.first().map_or(&[][..], |root| &root.fields);
+        let is_called_empty = self.name().rsplit(['/', '.']).next().is_some_and(|name| name.starts_with("Empty"));
+        matches!(fields, [only] if only.name == PLACEHOLDER) && !is_called_empty
+    }
+
     /// Type of the messages, as `package/Type`.
     pub fn name(&self) -> &str {
         self.messages.first().map_or("", |root| &root.name)

@@ -1,6 +1,6 @@
 //! Lookup of fields in a layout by their paths, with helpful errors.
 
-use super::layout::{Count, Field, Hop, Kind, Layout, Number, Place, Wire};
+use super::layout::{Count, Field, Hop, Kind, Layout, Number, PLACEHOLDER, Place, Wire};
 use super::path::{Element, FieldPath, Segment};
 
 /// Reason why a path leads to nothing usable.
@@ -93,6 +93,20 @@ impl Layout {
         paths
     }
 
+    /// Paths of floating point numbers, of times none, in the order of the message, at most so many.
+    pub(in crate::imu) fn floats(&self, most: usize) -> Vec<FieldPath> {
+        let is_time = |path: &FieldPath| {
+            let name = path.name().to_lowercase();
+            ["sec", "nsec", "nanos", "stamp", "time", "t", "ts"].iter().any(|word| match word.len() {
+                0..=2 => name == *word,
+                _ => name.contains(word),
+            })
+        };
+        let paths = self.paths().into_iter().filter(|path| is_written(path) && !is_time(path));
+        let floats = paths.filter(|path| self.find(path).is_some_and(|f| f.count == Count::One && is_float(&f)));
+        floats.take(most).collect()
+    }
+
     /// Paths of all vectors in every element of a list, and of messages with a list of each of `x`, `y`, `z`.
     pub(in crate::imu) fn listed_vectors(&self) -> Vec<FieldPath> {
         let mut paths = self.paths_in_lists();
@@ -110,21 +124,30 @@ impl Layout {
     }
 
     /// Triples of numbers in one message whose names differ in the last letter, `ax`, `ay`, `az` or `gyro_x`, `gyro_y`,
-    /// `gyro_z`, with the common part of the names in lowercase.
+    /// `gyro_z`, with the common part of the names in lowercase; and `alpha`, `beta`, `gamma`, or `roll`, `pitch`, `yaw`,
+    /// with the name of the message around them.
     pub(in crate::imu) fn triples(&self) -> Vec<(String, [FieldPath; 3])> {
         self.triples_of(&self.paths(), false)
     }
 
     fn triples_of(&self, paths: &[FieldPath], listed: bool) -> Vec<(String, [FieldPath; 3])> {
+        const NAMED: [[&str; 3]; 2] = [["alpha", "beta", "gamma"], ["roll", "pitch", "yaw"]];
         let triple = |x: &FieldPath| {
-            let (stem, letter) = x.name().split_at_checked(x.name().len().checked_sub(1)?)?;
-            let letters = match letter {
-                "x" => ["x", "y", "z"],
-                "X" => ["X", "Y", "Z"],
-                _ => return None,
+            let around = x.parent().unwrap_or_default();
+            let (stem, axes) = match NAMED.into_iter().find(|[first, ..]| x.name() == *first) {
+                Some(names) => (around.name().to_lowercase(), names.map(|name| around.join(name))),
+                None => {
+                    let (stem, letter) = x.name().split_at_checked(x.name().len().checked_sub(1)?)?;
+                    let letters = match letter {
+                        "x" => ["x", "y", "z"],
+                        "X" => ["X", "Y", "Z"],
+                        _ => return None,
+                    };
+                    let stem_of = stem.trim_end_matches('_').to_lowercase();
+                    (!stem_of.is_empty()).then_some(())?;
+                    (stem_of, letters.map(|letter| around.join(&format!("{stem}{letter}"))))
+                }
             };
-            let axes = letters.map(|letter| x.parent().unwrap_or_default().join(&format!("{stem}{letter}")));
-            let stem = stem.trim_end_matches('_').to_lowercase();
             let is_float = |path: &FieldPath| {
                 let found = self.find(path);
                 let float = |f: PathTarget| {
@@ -134,7 +157,7 @@ impl Layout {
                 };
                 found.is_some_and(float) && is_written(path)
             };
-            (!stem.is_empty() && axes.iter().all(is_float)).then_some((stem, axes))
+            axes.iter().all(is_float).then_some((stem, axes))
         };
         paths.iter().filter_map(triple).collect()
     }
@@ -291,7 +314,7 @@ const MAX_PATHS: usize = 4096;
 pub(in crate::imu) fn nearest(wanted: &str, candidates: impl IntoIterator<Item = String>) -> Option<String> {
     let mut best = None;
     // The member that rosidl adds to a message without fields is not a real one.
-    for candidate in candidates.into_iter().filter(|name| !name.ends_with("structure_needs_at_least_one_member")) {
+    for candidate in candidates.into_iter().filter(|name| !name.ends_with(PLACEHOLDER)) {
         let score = strsim::normalized_damerau_levenshtein(wanted, &candidate);
         if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
             best = Some((score, candidate));

@@ -1,7 +1,5 @@
-//! Readings of one IMU, sorted by stamp if they arrive a little late.
-//!
-//! Readings are held back at the beginning, so that the first late ones are not lost. Once [`CALM`] readings have
-//! arrived in order, over twice the allowed delay or more, none is held back until one is late.
+//! Readings of one IMU, sorted by stamp if they arrive a little late: each is held back until those that may come so much
+//! later have come.
 
 use std::collections::VecDeque;
 
@@ -11,8 +9,6 @@ use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
 use crate::plural::counted;
 
-/// Number of readings in order after which none is held back any more.
-const CALM: u32 = 200;
 /// Number of consecutive readings beyond the allowed delay that show that the clock was set back.
 const PATIENCE: u32 = 5;
 /// Largest number of held readings per sensor.
@@ -22,19 +18,14 @@ const MOST_HELD: usize = 1 << 14;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Order {
     late_nanos: i64,
-    holds: bool,
     /// Whether a reading was ever late.
     ever: bool,
-    calm: u32,
-    /// First stamp, ns.
-    first: Option<i64>,
     /// Queues by sensor.
     queues: Vec<HeldBack>,
     count: u64,
     /// Largest log time released so far: no result was known earlier.
     log_time: u64,
     moved: u64,
-    lost: u64,
 }
 
 /// Held readings of one sensor, in order.
@@ -49,18 +40,7 @@ struct HeldBack {
 
 impl Order {
     pub(super) fn new(late_nanos: i64) -> Self {
-        Self {
-            late_nanos,
-            holds: late_nanos > 0,
-            ever: false,
-            calm: 0,
-            first: None,
-            queues: Vec::new(),
-            count: 0,
-            log_time: 0,
-            moved: 0,
-            lost: 0,
-        }
+        Self { late_nanos, ever: false, queues: Vec::new(), count: 0, log_time: 0, moved: 0 }
     }
 
     /// Adds a reading.
@@ -89,14 +69,8 @@ impl Order {
         queue.behind = 0;
         queue.newest = Some(newest.max(stamp));
         if late > 0 {
-            match self.holds {
-                true => self.moved += u64::from(matches!(reading, Reading::Sample(_))),
-                false => self.lost += 1,
-            }
-            (self.ever, self.holds, self.calm) = (true, self.late_nanos > 0, 0);
-        }
-        if !self.holds {
-            return self.tell(read, sink);
+            self.moved += u64::from(matches!(reading, Reading::Sample(_)));
+            self.ever = true;
         }
         self.count += 1;
         let at = queue.held.iter().rposition(|&(held, ..)| held <= stamp).map_or(0, |at| at + 1);
@@ -105,13 +79,6 @@ impl Order {
             true => newest,
             false => newest.max(stamp).saturating_sub(self.late_nanos),
         };
-        self.calm += 1;
-        let first = *self.first.get_or_insert(stamp);
-        let is_long = newest.max(stamp).saturating_sub(first) >= self.late_nanos.saturating_mul(2);
-        if self.calm >= CALM && is_long && !self.ever {
-            self.holds = false;
-            return self.let_go(None, sink);
-        }
         self.let_go(Some(until), sink);
     }
 
@@ -123,13 +90,9 @@ impl Order {
     /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
         let ms = (self.late_nanos as f64 * 1e-3).round() * 1e-3;
-        (self.moved + self.lost > 0).then(|| {
-            let lost = match self.lost {
-                0 => String::new(),
-                lost => format!("; {} came before that was expected, and are dropped", counted(lost, "reading")),
-            };
+        (self.moved > 0).then(|| {
             let moved = counted(self.moved, "reading");
-            format!("{moved} came late by up to {ms} ms (still.late_s) and were sorted in{lost}")
+            format!("{moved} came late by up to {ms} ms (still.late_s) and were sorted in")
         })
     }
 

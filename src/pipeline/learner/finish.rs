@@ -52,7 +52,7 @@ impl Learner {
         let imus = self.sources.intake.imus().iter().enumerate();
         let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
         ids.flat_map(|(id, imu)| self.timing.remarks(id).into_iter().map(move |text| format!("{}: {text}", imu.name)))
-            .chain(self.time_order.remark())
+            .chain(self.time_order.remark(self.sources.intake.parts()))
             .collect()
     }
 }

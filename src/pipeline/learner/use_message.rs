@@ -26,6 +26,9 @@ impl Learner {
         let readings = &mut self.readings;
         let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
+        if let Some(stamp) = self.sources.intake.last_stamp(message.channel) {
+            self.time_order.watch_stamp(message.channel, stamp);
+        }
         let samples = self.readings.iter().filter(|(.., reading)| matches!(reading, Reading::Sample(_)));
         notify(Notice::Message { message, samples: samples.count() });
         for imu in self.sources.intake.imus().iter().skip(self.imus.len()) {

@@ -63,6 +63,7 @@ impl fmt::Display for Damage {
         write!(f, "at byte {}: {}", self.offset, self.what)?;
         match self.length {
             0 => Ok(()),
+            1 => f.write_str("; 1 byte is not used"),
             length => write!(f, "; {length} bytes are not used"),
         }
     }

@@ -102,6 +102,7 @@ impl Scan {
                  annotate both",
                 end + 1
             ),
+            _ if left == 1 => "1 byte behind the end of the recording, which is not read".to_owned(),
             _ => format!("{left} bytes behind the end of the recording, which are not read"),
         };
         self.damage(end, left, what);

@@ -1,13 +1,12 @@
 //! Learning from a recording split by split, and keeping the annotations of each.
 
-use std::collections::BTreeSet;
-
 use super::Options;
 use super::annotated_writer::Kept;
 use crate::Error;
 use crate::config::Config;
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::no_imu;
+use crate::pipeline::time_order::Apart;
 use crate::record::{Event, Inventory, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::Contents;
@@ -29,7 +28,7 @@ pub(super) struct SplitLearner<'a> {
 }
 
 impl<'a> SplitLearner<'a> {
-    pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<BTreeSet<u16>>) -> Self {
+    pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<Apart>) -> Self {
         let learner = Learner::new(config);
         let learner = match order {
             Some(channels) => learner.in_time_order(channels),

@@ -1,12 +1,11 @@
 //! Data of a report: the timelines of a recording's IMUs. Annotations are not fitted again.
 
-use std::collections::BTreeSet;
-
 use crate::Error;
 use crate::config::{Config, Layer};
 use crate::pipeline::damages::Damages;
 use crate::pipeline::learner::Learner;
 use crate::pipeline::no_imu::no_imu;
+use crate::pipeline::time_order::Apart;
 use crate::pipeline::timelines::Timelines;
 use crate::report::Timeline;
 use crate::run::input::recording::Watch;
@@ -39,7 +38,7 @@ fn report_data_in_order(
     input: &Input,
     config: &Config,
     watch: Watch<'_>,
-    order: Option<BTreeSet<u16>>,
+    order: Option<Apart>,
 ) -> Result<ReportData, Error> {
     let settings = input.settings()?.and_then(|mut settings| settings.remove("configuration"));
     // A configuration of another version may not parse; it is shown nevertheless.
@@ -85,9 +84,11 @@ fn report_data_in_order(
         }
         timelines.notes.extend(learner.finish(&mut |_| {}).notes);
     }
+    let why_none = timelines.why_no_imu();
     let (imus, notes, damages) = timelines.finish();
     if imus.is_empty() {
-        return Err(Error::input(input.path(), "was annotated, but no IMU was found in it: nothing to report"));
+        let why = format!("was annotated, but no IMU was found in it: {why_none}");
+        return Err(Error::input(input.path(), why));
     }
     Ok(ReportData { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes, damages })
 }

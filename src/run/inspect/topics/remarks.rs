@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::units::{self, Peeked};
 use crate::config::Config;
 use crate::engine::UnitProbe;
-use crate::imu::{FirstReadings, Reading, Relation, Sensor};
+use crate::imu::{FirstReadings, Reading, RefusalCount, Relation, Sensor};
 use crate::record::Event;
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::inspect::look::{ChannelLook, Stamped, Use, head};
@@ -34,12 +34,14 @@ pub(super) fn peek(
     // Triads whose readings have not shown enough yet.
     let mut open = BTreeSet::new();
     let mut rates: BTreeMap<u16, Rate> = BTreeMap::new();
+    let mut looked_at: BTreeMap<u16, u64> = BTreeMap::new();
     head(recording, config.limits.of_recordings(), watch, |event| {
         let Event::Message(message) = event else {
             look.take(event);
             return false;
         };
         rates.entry(message.channel).or_default().push(message.log_time);
+        *looked_at.entry(message.channel).or_default() += 1;
         let mut measured = None;
         let mut told = None;
         look.sources.intake.message(message.channel, message.log_time, message.data, &mut |imu, sensor, reading| {
@@ -85,6 +87,7 @@ pub(super) fn peek(
         used.hz = rates.get(&used.channel.id).and_then(Rate::hz);
     }
     probes.values_mut().for_each(UnitProbe::finish);
+    remark_on_refusals(&look.sources.intake.faults(), &looked_at, channels);
     let named = peeks.into_iter().filter_map(|((imu, _), (sensor, peek))| {
         let known = look.sources.intake.imus().get(imu)?;
         let topic = known.triads.iter().find(|triad| triad.sensor == sensor)?.topic.clone();
@@ -115,6 +118,21 @@ pub(super) fn peek(
         }
     }
     Ok(())
+}
+
+/// Remarks that readings are refused, and why.
+fn remark_on_refusals(faults: &[RefusalCount], looked_at: &BTreeMap<u16, u64>, channels: &mut [Use]) {
+    for fault @ RefusalCount { topic, sensor, count, .. } in faults {
+        let why = fault.why();
+        let Some(used) = channels.iter_mut().find(|used| used.channel.topic == *topic) else { continue };
+        let of = looked_at.get(&used.channel.id).copied().unwrap_or_default();
+        // A message may hold several readings.
+        let of = if of < *count { String::new() } else { format!(" of the first {of}") };
+        used.remarks.push(match sensor {
+            Some(sensor) => format!("{sensor}: {count}{of} readings are refused: {why}"),
+            None => format!("{count}{of} messages are refused: {why}"),
+        });
+    }
 }
 
 /// Remarks which of two topics of one sensor to use.

@@ -2,7 +2,7 @@
 
 use crate::config::Config;
 use crate::engine::{UnitFinding, UnitProbe, unconfirmed_unit, unit_of_gravity};
-use crate::imu::{AccelUnit, FirstReadings, ImuConfig, RateUnit, Sensor};
+use crate::imu::{AccelUnit, ChannelRole, FirstReadings, ImuConfig, RateUnit, Sensor};
 use crate::run::inspect::look::Use;
 
 /// The first readings of one triad.
@@ -27,6 +27,8 @@ pub(super) struct Remarks {
     offered: Option<String>,
     accel: Option<AccelUnit>,
     gyro: Option<RateUnit>,
+    /// Whether the accelerometer's readings are of no use, so that no mapping of it is offered.
+    without_gravity: bool,
 }
 
 /// Remarks on the readings of a triad.
@@ -83,11 +85,23 @@ fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Rem
             remarks.always.push(format!("accelerometer: {text}"));
             remarks.accel = unit.filter(|_| peeked.sensor == Sensor::Accelerometer);
         }
+        UnitFinding::Unknown if is_without_gravity(rest) => {
+            remarks.without_gravity = true;
+            remarks.always.push(format!(
+                "accelerometer: reads {rest:.2} where it is quietest: gravity was removed before it was recorded, so nothing can \
+                 be calibrated by it. Record the accelerometer as it reads, gravity included"
+            ));
+        }
         UnitFinding::Unknown => remarks.always.push(format!(
             "accelerometer: reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity \
              removed?"
         )),
     }
+}
+
+/// Whether a reading at rest, m/s² or g, has no gravity in it.
+fn is_without_gravity(rest: f64) -> bool {
+    rest < 0.6
 }
 
 impl Remarks {
@@ -99,6 +113,10 @@ impl Remarks {
     /// Puts the units into the suggested configuration for the topic of the IMU; without a suggestion, into a copy of
     /// the existing configuration or a new one.
     pub(super) fn offer(&self, peeked: &Peeked<'_>, config: &Config, used: &mut Use) {
+        if self.without_gravity && matches!(used.verdict, ChannelRole::Other { .. }) {
+            used.configuration = None;
+            return;
+        }
         if self.accel.is_none() && self.gyro.is_none() {
             return;
         }

@@ -1,0 +1,70 @@
+//! Readings that do not stand in a recording in the order of their times: late ones, and sensors one behind the other.
+
+use serde_json::Value;
+
+use crate::common::Folder;
+use crate::real_recordings::{MAPPED, START, both, is_true, learns_the_truth, recording, six_faces};
+use crate::session::GYRO_BIAS;
+
+const PAIR: &str = r#"imu=[{topic="/a", accel="a", gyro={topic="/g", path="g"}}]"#;
+
+/// Two topics, one wholly behind the other, at these log times by the number of the message and its true time.
+fn one_behind_the_other(
+    topics: [&'static str; 2],
+    log: impl Fn(i64, i64) -> i64,
+    stamp: impl Fn(i64) -> i64,
+) -> Vec<u8> {
+    let samples = six_faces();
+    let all = topics.into_iter().flat_map(|topic| samples.iter().map(move |m| (topic, m)));
+    recording(all.enumerate().map(|(i, (topic, m))| (topic, log(i as i64, START + m.at), both(m, stamp(START + m.at)))))
+}
+
+#[test]
+fn sensors_that_were_logged_as_they_were_written_are_read_in_the_order_of_their_stamps() {
+    for topics in [["/a", "/g"], ["/g", "/a"]] {
+        // At once, and at some pace of the converter.
+        for pace in [20_000, 900_000] {
+            let bytes = one_behind_the_other(topics, |i, _| START + 10_i64.pow(15) + pace * i, |t| t);
+            let said = learns_the_truth(&bytes, PAIR, GYRO_BIAS);
+            assert!(said.contains("read in the order of their stamps"), "{topics:?}: {said}");
+        }
+    }
+}
+
+#[test]
+fn sensors_of_different_times_are_said_to_be_so() {
+    // Without stamps, the times of writing are all there is.
+    let bytes = one_behind_the_other(["/a", "/g"], |i, _| START + 10_000_000 * i, |_| 0);
+    let folder = Folder::new();
+    folder.write("a.mcap", &bytes);
+    let run = folder.run(["annotate", "a.mcap", "-o", "b.mcap", "--json", "--set", PAIR]).ok();
+    assert!(run.stderr.contains("none of one is from the time of the other"), "{}", run.stderr);
+    assert!(run.stderr.contains("convert again with the sensor's time"), "{}", run.stderr);
+    assert_eq!(run.json()["imus"][0]["gyroscope"]["bias"], Value::Null);
+    folder.run(["tail", "a.mcap", "-o", "t.mcap", "--set", PAIR]).ok();
+    assert!(folder.read("b.mcap") == folder.read("t.mcap"), "batch and tail differ");
+}
+
+#[test]
+fn a_late_reading_is_sorted_in_however_long_the_others_were_in_order() {
+    for (every, late) in [(400, 60_000_000), (997, 95_000_000)] {
+        let mut samples: Vec<_> = six_faces().into_iter().enumerate().collect();
+        let came =
+            |&(i, m): &(usize, crate::real_recordings::Measured)| m.at + if i % every == every - 1 { late } else { 0 };
+        samples.sort_by_key(came);
+        let count = samples.iter().filter(|(i, _)| i % every == every - 1).count();
+        let messages = samples.iter().map(|one| ("/imu", START + came(one), both(&one.1, START + one.1.at)));
+        let bytes = recording(messages);
+        let said = learns_the_truth(&bytes, MAPPED, GYRO_BIAS);
+        // Of each message both readings.
+        let sorted = format!("{} readings came late by up to 100 ms (still.late_s) and were sorted in", 2 * count);
+        assert!(said.contains(&sorted) && !said.contains("dropped"), "{every}: {said}");
+        // Nothing is sorted in where that is not wanted.
+        let folder = Folder::new();
+        folder.write("a.mcap", &bytes);
+        let run =
+            folder.run(["annotate", "a.mcap", "-o", "b.mcap", "--json", "--set", MAPPED, "--set", "still.late_s=0"]);
+        is_true(&run.json(), GYRO_BIAS);
+        assert!(!run.stderr.contains("sorted in"), "{}", run.stderr);
+    }
+}
