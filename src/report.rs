@@ -23,7 +23,7 @@ mod words;
 pub(crate) mod yaml;
 
 pub use account::{Account, Outcome, SHIFTED, SUSPICIOUS, Verdict, Worst, account, verdict_text};
-pub use calendar::day;
+pub use calendar::{day, moment};
 pub use course::{Course, Curve, Jump};
 pub use drift::{Change, Drift, drift, same};
 pub use envelope::{Envelope, Range};

@@ -66,7 +66,7 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
     let first = seen.iter().map(|placed| placed.start).min()?;
     let timed = |placed: &Placed| (placed.start.seconds_since(first), placed.observation);
     let mut all: Vec<_> = seen.iter().map(timed).collect();
-    let told = told(entries, first);
+    let told = told(entries, first, calibration);
     let turns = fitted.turning.and_then(|turning| turning.bias_courses(first));
     let look = |seen: &[(f64, Observation)]| wandering(seen, given, calibration, told.slope.as_ref(), turns.as_ref());
     let kept = all.clone();
@@ -148,9 +148,11 @@ struct Told {
     hints: Vec<Hint>,
 }
 
-fn told(entries: &[JudgedRest], first: Stamp) -> Told {
+fn told(entries: &[JudgedRest], first: Stamp, calibration: &Calibration) -> Told {
     /// Least significance of a change, in standard deviations of the noise.
     const CLEAR: f64 = 5.0;
+    /// Shortest time between two rests in which something happened to the sensor, s.
+    const KNOCKED: f64 = 0.5;
     let still = |entry: &&JudgedRest| {
         matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted | Reason::Creeping) && entry.count == 1
     };
@@ -178,7 +180,12 @@ fn told(entries: &[JudgedRest], first: Stamp) -> Told {
     for pair in rests.windows(2).filter(|pair| pair[0].rest.placement == pair[1].rest.placement) {
         let [one, next] = [pair[0], pair[1]].map(|entry| &entry.rest.accelerometer);
         let noise = (one.mean_variance() + next.mean_variance()).map(f64::sqrt);
-        let change = next.mean - one.mean;
+        let mut change = next.mean - one.mean;
+        // A knock tilts what it hits; of what it changed only the length is news.
+        if pair[1].rest.start.seconds_since(pair[0].rest.end) > KNOCKED {
+            let [before, after] = [one, next].map(|mean| calibration.correct(&mean.mean));
+            change = after * (1.0 - before.norm() / after.norm().max(f64::MIN_POSITIVE));
+        }
         let clear = change.component_div(&noise.map(|noise: f64| noise.max(1e-9)));
         hint(pair[1].rest.start.seconds_since(first) - 1e-3, change, noise.max(), clear);
     }

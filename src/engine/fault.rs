@@ -32,6 +32,8 @@ pub(super) enum FaultKind {
     Repeated,
     /// Readings of several sensors in turn.
     Alternating,
+    /// Readings at rest that may be of several sensors in turn.
+    Uneven,
     /// Span from face to face far beyond gravity.
     Stretched,
     /// Readings beyond the range of the sensor.
@@ -51,6 +53,11 @@ pub(super) enum FaultKind {
 }
 
 impl Fault {
+    /// Whether the fault casts doubt on every rest.
+    pub(super) fn doubts(&self) -> bool {
+        matches!(self.kind, FaultKind::Replayed | FaultKind::Uneven)
+    }
+
     /// Whether the fault forbids publishing a calibration.
     pub(super) fn forbids(&self) -> bool {
         match self.kind {
@@ -66,6 +73,7 @@ impl Fault {
             | FaultKind::Silenced => true,
             FaultKind::Disagreeing
             | FaultKind::Repeated
+            | FaultKind::Uneven
             | FaultKind::Inverted
             | FaultKind::Drifting
             | FaultKind::Clock

@@ -32,6 +32,11 @@ pub(super) fn detect(
         signal.filter(|_| sensors > 1)?;
         Some(Fault { sensor, kind: FaultKind::Alternating, text: alternating_text(sensors) })
     });
+    let uneven = both.into_iter().filter_map(|(sensor, signal)| {
+        let signal = signal.filter(|_| sensors == 1)?;
+        let apart = signal.apart.filter(|apart| signal.step.is_none_or(|step| *apart > 2.0 * step))?;
+        Some(Fault { sensor, kind: FaultKind::Uneven, text: uneven_text(sensor, apart) })
+    });
     let repeated = both.into_iter().filter_map(|(sensor, signal)| {
         let text = repeated_text(repeated_share(&signal?)?);
         Some(Fault { sensor, kind: FaultKind::Repeated, text })
@@ -60,6 +65,7 @@ pub(super) fn detect(
     });
     let inverted = inverted.then(|| of_accelerometer(FaultKind::Inverted, inverted_text()));
     alternating
+        .chain(uneven)
         .chain(repeated)
         .chain(force.map(|text| of_accelerometer(FaultKind::Unit, text)))
         .chain(stretched)
@@ -163,6 +169,14 @@ fn alternating_text(sensors: usize) -> String {
     format!(
         "readings are far from the one before and near the one {sensors} before: {count} sensors take turns on one topic, \
          and what is learned is of none of them. Record each on a topic, or under a frame_id, of its own"
+    )
+}
+
+/// Text on readings at rest that may be of several sensors.
+fn uneven_text(sensor: Sensor, apart: f64) -> String {
+    let unit = if sensor == Sensor::Gyroscope { "rad/s" } else { "m/s²" };
+    format!(
+        "readings at rest alternate, {apart:.4} {unit} from one to the next: either sensors take turns on one topic, and what is          learned is of none of them, or something vibrates at half the sampling rate. Record each sensor on a topic, or under a          frame_id, of its own"
     )
 }
 

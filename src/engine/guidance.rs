@@ -148,7 +148,8 @@ fn mounted(entries: &[JudgedRest], fixture: &Fixture, solution: &Solution) -> Op
     }
     let degrees = Rotation3::from_matrix_unchecked(turned).scaled_axis().map(f64::to_degrees);
     Some(format!(
-        "{} rests lie askew in the same way: is the sensor mounted at an angle of {:.0}° in its box? Then say so:          fit.fixture.mounting_deg = [{:.1}, {:.1}, {:.1}]",
+        "{} rests lie askew in the same way: is the sensor mounted at an angle of {:.0}° in its box? Then say so: \
+         fit.fixture.mounting_deg = [{:.1}, {:.1}, {:.1}]",
         tilted.len(),
         degrees.norm(),
         degrees.x,

@@ -36,6 +36,9 @@ pub(super) fn next_step(faces: &[Face], found: u64, solution: &Solution, confirm
         ([], Ok(_), _) if solution.drift.as_ref().is_some_and(|drift| !drift.followed) => {
             solution.drift.as_ref().map(Drift::explanation).unwrap_or_default()
         }
+        ([], Ok(_), Err(Unconfirmed::Doubted)) => {
+            solution.faults.iter().find(|fault| fault.doubts()).map(|fault| fault.text.clone()).unwrap_or_default()
+        }
         ([], Ok(_), Ok(())) => match &solution.advice {
             Some(advice) => format!("done: repeated placements agree. {}", further(advice, solution.hold_s)),
             None => "done: repeated placements agree".to_owned(),

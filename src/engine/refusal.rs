@@ -56,10 +56,10 @@ pub(super) enum Refusal {
          told: let it rest where nothing turns"
     )]
     Turning { turning: usize, rests: usize },
-    /// Rate about the vertical in a single run of rests, rad/s.
+    /// Rate about the vertical in the rests of a single pose, rad/s.
     #[error(
         "reads {rate:.4} rad/s about the vertical in the one pose that it rested in: that may be a steady turn as well as a bias. \
-         Let it rest in another pose, or once more later"
+         Let it rest in another pose"
     )]
     OneRun { rate: f64 },
     /// Fault of the stream, as text.

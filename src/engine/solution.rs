@@ -35,7 +35,7 @@ pub(super) struct Solution {
     pub(super) gyro_placements: usize,
     /// Number of rests that were rejected as turns at a constant rate.
     pub(super) gyro_turned: usize,
-    /// Whether the gyroscope was at rest in more than one placement.
+    /// Whether the gyroscope was at rest in poses that tell its bias from a steady turn.
     pub(super) gyro_posed: bool,
     /// Reason why the gyroscope has no bias although there are readings at rest.
     pub(super) gyro_refusal: Option<Refusal>,

@@ -1,7 +1,5 @@
 //! Solves for what the stored rests determine of each triad.
 
-use std::collections::BTreeSet;
-
 use nalgebra::{DVector, Vector3};
 
 use super::advice;
@@ -22,7 +20,7 @@ use crate::fit::{
 };
 use crate::imu::{SecondaryModel, Sensor};
 use crate::messages::segment::Reason;
-use crate::turns::Explanation;
+use crate::turns::{Explanation, angle_between};
 
 /// Least duration of rests before a gyroscope's bias is accepted, in multiples of the shortest rest that is fitted: a
 /// slow turn may pass for a rest until a quieter one is seen.
@@ -150,15 +148,10 @@ fn others(
     let at_rest = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise));
     let believed = at_rest.map(|entry| entry.seconds).sum::<f64>() >= LEAST_RESTS * still.min_fit_s;
     let gyroscope = |shape| gyroscope::fit(shape, &rates, config.rate_std, &config.bounds, config.loss);
-    let poses_seen: BTreeSet<u32> = entries
-        .iter()
-        .filter(|entry| observations::tells_of_rates(entry, noise))
-        .map(|entry| entry.rest.placement)
-        .collect();
-    let gyro_posed = poses_seen.len() > 1;
     let credible = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).count();
     // Until the accelerometer is calibrated its raw reading is vertical enough.
     let vertical = observations::rates(entries, noise, config, Some(&calibration.unwrap_or_default()));
+    let gyro_posed = is_posed(&vertical);
     let refusal = steady_turn(entries, &vertical, credible, gyro_posed, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
     let rich = match (primary.map(|fit| fit.shape), givens.reference) {
@@ -256,7 +249,18 @@ fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> 
     names
 }
 
-/// Refusal of a gyroscope's bias: too many rests that turned, or a rate about the vertical in a single placement.
+/// Whether rests tell a bias from a steady turn about the vertical, as on a turntable: in poses with different verticals,
+/// or in so many placements that they would not all have turned at one rate.
+fn is_posed(rates: &[Reading]) -> bool {
+    /// Least angle between two verticals, rad.
+    const OTHER_POSE: f64 = 0.35;
+    const MANY: usize = 4;
+    let first = rates.first().map_or(Vector3::zeros(), |reading| reading.truth.other);
+    let turned = |reading: &Reading| angle_between(&reading.truth.other, &first) > OTHER_POSE;
+    rates.len() >= MANY || rates.iter().any(turned)
+}
+
+/// Refusal of a gyroscope's bias: too many rests that turned, or a rate about the vertical in a single pose.
 fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed: bool, most: f64) -> Option<Refusal> {
     let turning = entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count();
     // Most rests must agree before the others count as turning.
@@ -267,9 +271,11 @@ fn steady_turn(entries: &[JudgedRest], rates: &[Reading], at_rest: usize, posed:
     (!posed && rate > most).then_some(Refusal::OneRun { rate })
 }
 
-/// Widens the bias for a single placement, where the rate about the vertical may be a turn as well as a bias.
+/// Widens the bias for a single pose, where the rate about the vertical may be a turn as well as a bias.
 fn doubt_vertical(fit: &mut Estimate, rates: &[Reading]) {
-    let Some(reading) = rates.first() else { return };
+    let Some(reading) = rates.iter().max_by(|a, b| about_vertical(a).abs().total_cmp(&about_vertical(b).abs())) else {
+        return;
+    };
     let Some(up) = reading.truth.other.try_normalize(f64::MIN_POSITIVE) else { return };
     let turn = up * about_vertical(reading);
     fit.widen(&DVector::from_iterator(3, turn.iter().copied()));

@@ -1,6 +1,6 @@
 //! Status of each triad: confirmed only if any one wrong placement would show, and none does.
 
-use super::fault::FaultKind;
+use super::fault::{Fault, FaultKind};
 use super::solution::Solution;
 use crate::fit::{Estimate, Parameterisation};
 use crate::imu::Sensor;
@@ -34,8 +34,7 @@ pub(super) enum Unconfirmed {
 /// Confirms the primary accelerometer, or returns the reason why not.
 pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
     let Ok(fit) = &solution.accelerometer else { return Err(Unconfirmed::Undetermined) };
-    let is_replayed = solution.faults.iter().any(|fault| fault.kind == FaultKind::Replayed);
-    if !solution.doubts.is_empty() || is_replayed {
+    if !solution.doubts.is_empty() || solution.faults.iter().any(Fault::doubts) {
         return Err(Unconfirmed::Doubted);
     }
     if solution.drift.as_ref().is_some_and(|drift| !drift.followed) {
@@ -62,7 +61,8 @@ pub(super) fn gyroscope(solution: &Solution, fit: &Estimate) -> Result<(), Uncon
         return Err(Unconfirmed::Turning);
     }
     let of_it = |kind| solution.faults.iter().any(|fault| fault.sensor == Sensor::Gyroscope && fault.kind == kind);
-    if of_it(FaultKind::Replayed) {
+    // What casts doubt on the rests does so for both triads.
+    if solution.faults.iter().any(Fault::doubts) {
         return Err(Unconfirmed::Doubted);
     }
     if of_it(FaultKind::Disagreeing) || of_it(FaultKind::Flipped) {

@@ -118,11 +118,11 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
     let order = (axes != AxisOrder::RIGHT).then(|| other_axes(axes));
     match (unit, order) {
         (Some((unit, set)), None) => {
-            let remedy = set.map_or_else(|| format!(", {NO_SETTING}"), |set| format!(": {}", setting("gyro", &[set])));
+            let remedy = set.map_or_else(|none| format!(", {none}"), |set| format!(": {}", setting("gyro", &[set])));
             (Misread::Unit, format!("{unit}{remedy}"))
         }
         (Some((unit, set)), Some(order)) => {
-            let none = if set.is_none() { format!(", {NO_SETTING}") } else { String::new() };
+            let none = set.as_ref().map_or_else(|none| format!(", {none}"), |_| String::new());
             let set: Vec<_> = set.into_iter().chain(std::iter::once(axes_setting(axes))).collect();
             (Misread::Unit, format!("{unit}{none}; {}: {}", order.text, setting("gyro", &set)))
         }
@@ -146,9 +146,6 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
     }
 }
 
-/// What is said of a unit that no setting knows.
-const NO_SETTING: &str = "which no setting converts: record them in rad/s or deg/s";
-
 /// Setting of a triad, as a sentence.
 fn setting(triad: &str, entries: &[String]) -> String {
     format!("set {triad} = {{ {} }} in its [[imu]]", entries.join(", "))
@@ -162,22 +159,35 @@ fn axes_setting(order: AxisOrder) -> String {
 
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
-/// Text on rates in another unit, from the recorded number per rad/s, or else `or`, and the setting for it.
-fn other_unit(recorded: f64, or: Option<f64>) -> (String, Option<String>) {
+/// Text on rates in another unit, from the recorded number per rad/s, or else `or`, and the setting for it, or what to do
+/// instead.
+fn other_unit(recorded: f64, or: Option<f64>) -> (String, Result<String, &'static str>) {
     let called = |recorded: f64| match RateScale::near(recorded) {
         RateScale::Radians => "in rad/s".to_owned(),
         RateScale::Degrees => "in deg/s".to_owned(),
         RateScale::Milliradians => "in mrad/s".to_owned(),
         RateScale::Millidegrees => "in thousandths of a deg/s".to_owned(),
+        RateScale::RevolutionsPerMinute => "in revolutions per minute".to_owned(),
+        RateScale::Revolutions => "in revolutions per second".to_owned(),
         RateScale::Counts(a_degree) => format!("raw counts of the converter, {a_degree:.1} a °/s"),
+        RateScale::Unknown(times) => format!("{} times those in rad/s", rounded(times)),
     };
     let or = or.map(|or| format!(", or {}", called(or))).unwrap_or_default();
     let set = match RateScale::near(recorded) {
-        RateScale::Radians => Some("unit = \"rad/s\"".to_owned()),
-        RateScale::Degrees => Some("unit = \"deg/s\"".to_owned()),
-        _ => None,
+        RateScale::Radians => Ok("unit = \"rad/s\"".to_owned()),
+        RateScale::Degrees => Ok("unit = \"deg/s\"".to_owned()),
+        RateScale::Unknown(_) => {
+            Err("which is no known unit: is the full-scale range that its driver assumes the one that is set?")
+        }
+        _ => Err("which no setting converts: record them in rad/s or deg/s"),
     };
     (format!("between rests gravity turned as if the rates were {}{or}", called(recorded)), set)
+}
+
+/// Text of a factor that is known to a few percent.
+fn rounded(times: f64) -> String {
+    let digits = if times < 0.1 { 3 } else { usize::from(times < 1.0) + usize::from(times < 10.0) };
+    format!("{times:.digits$}")
 }
 
 /// Axes that are not in order.
@@ -301,6 +311,9 @@ mod tests {
             (930.0, "16.4 a °/s"),
             (7600.0, "131.0 a °/s"),
             (57_000.0, "thousandths of a deg/s"),
+            (9.5, "revolutions per minute"),
+            (4.1, "4.1 times those in rad/s"),
+            (0.25, "0.25 times those in rad/s"),
         ] {
             let (kind, text) = otherwise(per_radian, None, AxisOrder::RIGHT, rad);
             assert!(kind == Misread::Unit && text.contains(word), "{per_radian}: {text}");

@@ -21,6 +21,57 @@ pub(super) struct Jump<const N: usize> {
     pub(super) score: f64,
 }
 
+/// Equation of a visit, by its place in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stray {
+    pub(super) visit: usize,
+    pub(super) equation: usize,
+}
+
+/// Removes equations of which one alone makes a jump: a placement that is wrong, in a visit that many others check. Each
+/// item holds those of which one is wrong: two where two visits contradict each other and no third tells which is right.
+pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<N>]) -> Vec<Vec<Stray>> {
+    /// Fewest equations of a visit of which one may be called wrong.
+    const MANY: usize = 6;
+    /// Most jumps that are explained so.
+    const MOST: usize = 8;
+    let mut found = Vec::new();
+    let mut removed: Vec<Stray> = Vec::new();
+    while found.len() < MOST {
+        let Some(jump) = best(walk, visits, &[]).filter(|jump| jump.score > BEYOND) else { break };
+        let left = |stray: &Stray| {
+            let mut without = visits.to_vec();
+            without[stray.visit].equations.remove(stray.equation);
+            best(walk, &without, &[]).map_or(0.0, |jump| jump.score)
+        };
+        let of_visit = |visit: usize| {
+            let equations = 0..visits[visit].equations.len();
+            let tried = equations.filter(|_| visits[visit].equations.len() >= MANY).map(|equation| {
+                let stray = Stray { visit, equation };
+                (left(&stray), stray)
+            });
+            tried.min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(score, _)| *score < BEYOND)
+        };
+        let wrong: Vec<_> = [jump.at - 1, jump.at].into_iter().filter_map(of_visit).map(|(_, stray)| stray).collect();
+        if wrong.is_empty() {
+            break;
+        }
+        let mut named = Vec::new();
+        for stray in wrong {
+            visits[stray.visit].equations.remove(stray.equation);
+            // Its place before others of its visit were removed.
+            let mut equation = stray.equation;
+            let mut earlier: Vec<_> = removed.iter().filter(|other| other.visit == stray.visit).collect();
+            earlier.sort_by_key(|other| other.equation);
+            earlier.iter().for_each(|other| equation += usize::from(other.equation <= equation));
+            named.push(Stray { equation, ..stray });
+        }
+        removed.extend(named.iter().copied());
+        found.push(named);
+    }
+    found
+}
+
 /// Finds the jumps, the likeliest first; returns them in time order.
 pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>]) -> Vec<Jump<N>> {
     /// Most jumps; a sensor that jumps more often has no meaningful calibration.

@@ -2,7 +2,7 @@
 
 use super::history::{Change, ChangeKind, History, Point};
 use crate::plural::counted;
-use crate::report::{Course, Curve, Jump, estimate};
+use crate::report::{Course, Curve, Jump, estimate, moment};
 
 impl History {
     /// Course of the parameters, for a page or a terminal.
@@ -42,7 +42,19 @@ impl History {
                  (folder, frame-id, serial), or clocks that began anew. No number here is of one sensor"
             )
         });
-        std::iter::once(merged).chain(overlapping).chain(drifts).collect()
+        let strays = self.strays.iter().map(|wrong| {
+            let when: Vec<_> = wrong.iter().map(|start| moment(*start)).collect();
+            match when.as_slice() {
+                [only] => {
+                    format!("the rest at {only} contradicts all others: a wrong placement, and no change of the sensor")
+                }
+                _ => format!(
+                    "one of the rests at {} is wrong: without it, all others agree. Place that face once more",
+                    when.join(" and ")
+                ),
+            }
+        });
+        std::iter::once(merged).chain(overlapping).chain(strays).chain(drifts).collect()
     }
 }
 

@@ -12,6 +12,8 @@ pub struct History {
     pub rests: usize,
     /// Rests that began before another had ended, which one sensor cannot do.
     pub overlapping: usize,
+    /// Starts of rests of which one is a wrong placement: it alone contradicts all others, so the sensor did not change.
+    pub strays: Vec<Vec<Stamp>>,
     /// Number of turns used, of which each lies between two of the rests.
     pub turns: usize,
     /// Whether some of the rests or turns stand for others that had no room.

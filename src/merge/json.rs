@@ -24,6 +24,7 @@ fn history(history: &History) -> Value {
         "recordings": history.recordings,
         "rests": history.rests,
         "overlapping": history.overlapping,
+        "strays": history.strays.iter().map(|wrong| wrong.iter().map(|start| start.nanos()).collect::<Value>()).collect::<Value>(),
         "turns": history.turns,
         "thinned": history.is_thinned,
         "drifts": {"accelerometer": history.drifts[0], "gyroscope": history.drifts[1]},

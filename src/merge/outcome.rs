@@ -78,6 +78,7 @@ impl<'a> Story<'a> {
             recordings: self.rests.iter().map(|rest| rest.recording).collect::<BTreeSet<_>>().len(),
             rests: self.rests.len(),
             overlapping: self.overlapping(),
+            strays: self.accelerometer.strays.clone(),
             turns: self.evidence.turns.len(),
             is_thinned: self.evidence.rests.is_thinned() || self.evidence.turns.is_thinned(),
             epochs,

@@ -3,9 +3,10 @@
 
 use nalgebra::{SVector, Vector3};
 
-use super::change_points::{Jump, jumps};
+use super::change_points::{Jump, Stray, jumps, remove_strays};
 use super::past_rest::PastRest;
 use super::random_walk::{Equation, State, Visit, Walk, span};
+use crate::Stamp;
 use crate::engine;
 use crate::fit::{Calibration, Parameterisation, Term};
 
@@ -23,6 +24,8 @@ pub(super) struct Course<const N: usize> {
     /// States by visit.
     pub(super) states: Vec<State<N>>,
     pub(super) jumps: Vec<Jump<N>>,
+    /// Starts of rests of which one is a wrong placement, which alone would make a jump.
+    pub(super) strays: Vec<Vec<Stamp>>,
     /// Whether the parameters clearly walk between the jumps.
     pub(super) drifts: bool,
     /// Whether a walk is modelled: not within an hour, nor with only two visits or too few equations.
@@ -63,7 +66,7 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
         visits.iter().zip(&times).zip(at).map(visit).collect()
     };
     let mut at = vec![walk.start; visits.len()];
-    let mut found = Vec::new();
+    let (mut found, mut strays) = (Vec::new(), Vec::new());
     let mut equations = linearised(&at);
     for round in 0..ROUNDS {
         let resets: Vec<_> = found.iter().map(|jump: &Jump<UNKNOWNS>| jump.at).collect();
@@ -72,10 +75,13 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
         equations = linearised(&at);
         // The first rounds only approximate.
         if round + 2 >= ROUNDS {
+            strays = remove_strays(&walk, &mut equations);
             found = jumps(&walk, &equations);
         }
     }
-    course(&walk, &equations, found)
+    let stray = |stray: &Stray| Some(placements(rests, visits.get(stray.visit)?).nth(stray.equation)?.rest.start);
+    let strays = strays.iter().map(|wrong: &Vec<Stray>| wrong.iter().filter_map(stray).collect()).collect();
+    Course { strays, ..course(&walk, &equations, found) }
 }
 
 /// Course of the gyroscope's bias.
@@ -118,7 +124,7 @@ fn course<const N: usize>(walk: &Walk<N>, equations: &[Visit<N>], jumps: Vec<Jum
     let resets: Vec<_> = jumps.iter().map(|jump| jump.at).collect();
     let (states, ratio) = walk.average(equations, &resets);
     let is_followed = walks(equations);
-    Course { states, jumps, drifts: is_followed && ratio > DRIFTS, is_followed }
+    Course { states, jumps, strays: Vec::new(), drifts: is_followed && ratio > DRIFTS, is_followed }
 }
 
 /// Whether the visits lie far enough apart for a walk, with enough equations to estimate it.

@@ -20,6 +20,17 @@ pub fn day(stamp: Stamp) -> String {
     }
 }
 
+/// Day and time of a stamp, to the second; for clocks that do not count from 1970, in seconds.
+pub fn moment(stamp: Stamp) -> String {
+    let seconds = stamp.nanos().div_euclid(1_000_000_000);
+    match date(stamp) {
+        Some(_) => {
+            format!("{} {:02}:{:02}:{:02} UTC", day(stamp), seconds / 3600 % 24, seconds / 60 % 60, seconds % 60)
+        }
+        None => format!("{:.1} s", stamp.nanos() as f64 * 1e-9),
+    }
+}
+
 /// Date of the Gregorian calendar and time in UTC; `None` for clocks that do not count from 1970. Days to dates by
 /// Hinnant's `civil_from_days`, in years that begin in March.
 pub(crate) fn date(stamp: Stamp) -> Option<String> {
@@ -53,5 +64,7 @@ mod tests {
         assert_eq!(day(5), "");
         assert_eq!(super::day(Stamp::from_nanos(951_782_400_000_000_000)), "2000-02-29");
         assert_eq!(super::day(Stamp::from_nanos(129_600_000_000_000)), "day 1.5");
+        assert_eq!(moment(Stamp::from_nanos(1_700_000_003_900_000_000)), "2023-11-14 22:13:23 UTC");
+        assert_eq!(moment(Stamp::from_nanos(12_340_000_000)), "12.3 s");
     }
 }

@@ -11,12 +11,15 @@ use super::rest::TriadMean;
 use crate::Stamp;
 use crate::imu::Sample;
 
-/// Least angle by which a hand turns what it lifts, rad: five degrees; a knock stays below.
-const TURNED: f64 = 0.087;
+/// Least angle by which a hand turns what it places anew, rad: eight degrees. A knock, a push, or one edge on a pencil stays
+/// below, and may leave the sensor askew.
+const TURNED: f64 = 0.14;
 /// Least lasting change of specific force that is a turn of 15° or a lift, m/s².
 const SHIFTED: f64 = 2.5;
-/// Least difference between two rests in different poses, m/s²: five degrees.
-const OTHER_POSE: f64 = 0.85;
+/// Least difference between two rests in different poses, m/s²: eight degrees, or fifteen where a gyroscope saw no turn, as
+/// after push upon push.
+const OTHER_POSE: f64 = 1.37;
+const PUSHED_FAR: f64 = 2.5;
 /// Time constant of a lasting change, s; a knock is over in a fraction of it.
 const LASTING: f64 = 0.5;
 /// Longest interval between samples that is integrated across, s.
@@ -58,7 +61,8 @@ impl Placement {
         let stays = self.first.as_ref().is_some_and(|first| {
             let apart = (mean.mean - first.mean).norm();
             if self.moved {
-                return apart <= OTHER_POSE && !self.journey.leads_away();
+                let other_pose = if self.journey.followed { PUSHED_FAR } else { OTHER_POSE };
+                return apart <= other_pose && !self.journey.leads_away();
             }
             let noise = (first.mean_variance() + mean.mean_variance()).sum().sqrt();
             apart <= creep_limit(max_creep, noise)

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::alternation::Phases;
 use super::moments::Moments;
 use super::saturation::ReadingRange;
 use super::sketch::{Sketch, Sketcher};
@@ -127,6 +128,7 @@ impl Correlation {
 pub(super) struct Sums {
     start: Stamp,
     all: Moments,
+    phases: Phases,
     batch_size: u64,
     batch: Vector3<f64>,
     batch_count: u64,
@@ -149,6 +151,7 @@ impl Sums {
         Self {
             start,
             all: Moments::default(),
+            phases: Phases::default(),
             batch_size: batch_size.max(1) as u64,
             batch: Vector3::zeros(),
             batch_count: 0,
@@ -188,6 +191,16 @@ impl Sums {
             self.ends = Some([self.ends.map_or(mean, |[first, _]| first), mean]);
             (self.batch, self.batch_count) = (Vector3::zeros(), 0);
         }
+    }
+
+    /// Takes a sample with its number in the stream.
+    pub(super) fn push_numbered(&mut self, number: u64, stamp: Stamp, value: &Vector3<f64>) {
+        self.phases.push(number, value);
+        self.push(stamp, value);
+    }
+
+    pub(super) fn phases(&self) -> &Phases {
+        &self.phases
     }
 
     /// Counts one of its samples as clipped.

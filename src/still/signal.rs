@@ -15,6 +15,9 @@ pub struct Signal {
     pub readings: u64,
     /// Number of sensors whose readings seem to take turns; 1 unless most readings look like that.
     pub sensors: usize,
+    /// Typical distance between a reading and the next at rest, if it is more than noise: that of sensors in turn, or a
+    /// vibration at half the sampling rate.
+    pub apart: Option<f64>,
     /// Number of readings that equal the reading before in all three axes.
     pub repeated: u64,
 }

@@ -40,6 +40,8 @@ pub(super) struct TriadTrack {
     /// Window and floor of a triad that votes.
     quiet: Option<Quiet>,
     recent: VecDeque<(Stamp, Vector3<f64>)>,
+    /// Number of readings before those.
+    passed: u64,
     /// Stamps of those readings that the driver reported as clipped.
     clipped: VecDeque<Stamp>,
     open: Option<Sums>,
@@ -84,6 +86,7 @@ impl TriadTrack {
             window_size: None,
             quiet: None,
             recent: VecDeque::new(),
+            passed: 0,
             clipped: VecDeque::new(),
             open: None,
             cascade: Cascade::default(),
@@ -105,6 +108,7 @@ impl TriadTrack {
     pub(super) fn take(&mut self, sample: &Sample) {
         if self.recent.len() >= MAX_RECENT {
             self.recent.pop_front();
+            self.passed += 1;
         }
         self.recent.push_back((sample.stamp, sample.value));
         self.alternation.push(&self.recent);
@@ -129,6 +133,7 @@ impl TriadTrack {
 
     /// Starts anew after a break of the time base, of this triad or of one that it is judged with.
     pub(super) fn forget(&mut self) {
+        self.passed += self.recent.len() as u64;
         self.recent.clear();
         self.clipped.clear();
         if let Some(quiet) = &mut self.quiet {
@@ -212,6 +217,7 @@ impl TriadTrack {
             noise: self.level().map(|level| level / 3_f64.sqrt()),
             readings: self.readings,
             sensors: self.alternation.sensors(self.readings).unwrap_or(1),
+            apart: self.alternation.apart(),
             repeated: self.quiet.as_ref().map_or(0, |quiet| quiet.floor.repeated()),
         })
     }
@@ -243,8 +249,9 @@ impl TriadTrack {
     pub(super) fn commit(&mut self, until: Stamp) {
         while let Some((stamp, value)) = self.recent.front().copied().filter(|(stamp, _)| *stamp <= until) {
             self.recent.pop_front();
+            self.passed += 1;
             if let Some(sums) = self.open.as_mut().filter(|sums| stamp >= sums.start()) {
-                sums.push(stamp, &value);
+                sums.push_numbered(self.passed, stamp, &value);
                 self.cascade.push(&value);
                 self.stretch = Some((self.stretch.map_or(stamp, |(first, _)| first), stamp));
             }
@@ -277,6 +284,7 @@ impl TriadTrack {
     pub(super) fn close(&mut self) -> Option<TriadMean> {
         let sums = self.open.take()?;
         let mean = sums.finish(self.correlation);
+        self.alternation.rest(sums.phases(), sums.variance());
         self.correlation = self.correlation.and(sums.correlation());
         mean
     }

@@ -57,7 +57,9 @@ const SURE: f64 = 4.0;
 const EVIDENT: f64 = 4.0;
 /// Error of gravity that correct rates never have, rad.
 const REFUTED: f64 = 0.6;
-/// Fewest turns for a conclusion on axes, or that nothing explains the turns.
+/// Units of about the size of rad/s, in readings per rad/s.
+const ALIKE: std::ops::Range<f64> = 0.025..40.0;
+/// Fewest turns for a conclusion on axes, on a unit like rad/s, or that nothing explains the turns.
 const LEAST_TURNS: usize = 3;
 
 impl Hypothesis {
@@ -69,7 +71,12 @@ impl Hypothesis {
 
     /// Negative log prior, relative to readings that are right.
     fn rarity(self) -> f64 {
-        let unit: f64 = if self.per_radian == 1.0 { 0.0 } else { 4.0 };
+        let unit: f64 = match self.per_radian {
+            1.0 => 0.0,
+            // Three turns of many revolutions, which are not followed, may agree with a smaller unit by chance.
+            alike if ALIKE.contains(&alike) => 10.0,
+            _ => 4.0,
+        };
         let axes = match (self.axes == AxisOrder::RIGHT, self.axes.is_in_order()) {
             (true, _) => 0.0,
             // One in a thousand: a correct sensor with one badly followed turn must not look like it.
@@ -143,9 +150,12 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
     if turns.iter().all(|turn| turn.weight(Hypothesis::AS_IT_IS) >= EVIDENT) {
         return Explanation::Agrees;
     }
-    let scales = || std::iter::once(1.0).chain(scales.iter().copied().filter(|scale| (scale - 1.0).abs() > 0.05));
+    // A turn of many revolutions that is not followed may seem one of a few, in a unit of about the same size.
+    let few = turns.len() < LEAST_TURNS;
+    let is_tried = |scale: &f64| (scale - 1.0).abs() > 0.05 && !(few && ALIKE.contains(scale));
+    let scales = || std::iter::once(1.0).chain(scales.iter().copied().filter(is_tried));
     let mut tried: Vec<(f64, Hypothesis)> = Vec::new();
-    let orders = if turns.len() >= LEAST_TURNS { 48 } else { 1 };
+    let orders = if few { 1 } else { 48 };
     for axes in AxisOrder::all().take(orders) {
         for per_radian in scales() {
             let hypothesis = Hypothesis { per_radian, axes };
@@ -174,6 +184,9 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
                 axes: reading.axes,
             }
         }
+        (false, _) if let Some(per_radian) = unknown_unit(turns).filter(|_| !few) => {
+            Explanation::Otherwise { per_radian, or: None, axes: AxisOrder::RIGHT }
+        }
         (false, _) if turns.len() >= LEAST_TURNS && as_it_is < -SURE && best < SURE => {
             let squares: f64 = turns.iter().map(|turn| turn.miss(Hypothesis::AS_IT_IS).powi(2)).sum();
             let miss = (squares / turns.len() as f64).sqrt();
@@ -181,6 +194,26 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
         }
         (false, _) => Explanation::Unknown,
     }
+}
+
+/// Readings per rad/s if they are of no known unit, as where a driver assumes another full-scale range.
+fn unknown_unit(turns: &[SeenTurn]) -> Option<f64> {
+    /// Steps between the tried units, as a logarithm, and their number to either side of rad/s.
+    const STEP: f64 = 0.1;
+    const STEPS: i32 = 70;
+    /// Negative log prior of such a unit beside one that is known.
+    const UNHEARD_OF: f64 = 3.0;
+    let tried = (-STEPS..=STEPS).map(|step| libm::exp(f64::from(step) * STEP));
+    let tried = tried.map(|per_radian| {
+        let hypothesis = Hypothesis { per_radian, axes: AxisOrder::RIGHT };
+        (hypothesis.odds(turns) - UNHEARD_OF, per_radian)
+    });
+    let tried: Vec<_> = tried.collect();
+    let &(best, per_radian) = tried.iter().max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    let near = 0.8..1.25;
+    let others = tried.iter().filter(|(_, other)| !near.contains(&(other / per_radian)));
+    let second = others.map(|(odds, _)| *odds).fold(0.0, f64::max);
+    (best - second >= SURE && !near.contains(&per_radian)).then_some(per_radian)
 }
 
 /// Whether the first turns favour a hypothesis over a gyroscope without information.

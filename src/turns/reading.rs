@@ -13,8 +13,14 @@ pub enum RateScale {
     Milliradians,
     /// Millidegrees per second.
     Millidegrees,
+    /// Revolutions per minute.
+    RevolutionsPerMinute,
+    /// Revolutions per second.
+    Revolutions,
     /// Counts of a converter, so many per °/s.
     Counts(f64),
+    /// No known unit: so many readings per rad/s.
+    Unknown(f64),
 }
 
 /// Counts per °/s of common converters: InvenSense and Bosch at ±2000, 1000, 500, 250 °/s, and ST at ±2000, 1000, 500,
@@ -25,7 +31,14 @@ const COUNTS: [f64; 8] = [16.4, 32.8, 65.5, 131.0, 1000.0 / 70.0, 1000.0 / 35.0,
 impl RateScale {
     /// Returns all known units.
     pub fn all() -> impl Iterator<Item = Self> {
-        let named = [Self::Radians, Self::Degrees, Self::Milliradians, Self::Millidegrees];
+        let named = [
+            Self::Radians,
+            Self::Degrees,
+            Self::Milliradians,
+            Self::Millidegrees,
+            Self::RevolutionsPerMinute,
+            Self::Revolutions,
+        ];
         named.into_iter().chain(COUNTS.map(Self::Counts))
     }
 
@@ -36,14 +49,20 @@ impl RateScale {
             Self::Degrees => 1_f64.to_degrees(),
             Self::Milliradians => 1000.0,
             Self::Millidegrees => 1000.0 * 1_f64.to_degrees(),
+            Self::RevolutionsPerMinute => 30.0 / std::f64::consts::PI,
+            Self::Revolutions => 0.5 / std::f64::consts::PI,
             Self::Counts(per_degree) => per_degree * 1_f64.to_degrees(),
+            Self::Unknown(per_radian) => per_radian,
         }
     }
 
-    /// Known unit nearest to a number of readings per rad/s.
+    /// Known unit near a number of readings per rad/s, if there is one.
     pub fn near(per_radian: f64) -> Self {
+        /// Largest error as a logarithm.
+        const OFF: f64 = 0.11;
         let off = |scale: &Self| libm::log(scale.per_radian() / per_radian).abs();
-        Self::all().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(Self::Radians)
+        let nearest = Self::all().min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.filter(|scale| off(scale) < OFF).unwrap_or(Self::Unknown(per_radian))
     }
 }
 
@@ -109,5 +128,6 @@ mod tests {
                 assert_eq!(RateScale::near(scale.per_radian() * error), scale);
             }
         }
+        assert_eq!(RateScale::near(4.0), RateScale::Unknown(4.0));
     }
 }

@@ -175,3 +175,20 @@ fn where_accelerometers_take_turns_the_gyroscope_is_not_learned_either() {
     }
     assert_eq!((learned, told), (0, 2), "once for each triad");
 }
+
+#[test]
+fn rates_in_a_unit_that_nobody_knows_are_no_rates() {
+    for (times, words) in
+        [(9.549, "revolutions per minute"), (4.0, "times those in rad/s"), (0.25, "times those in rad/s")]
+    {
+        for seed in 0..4 {
+            let scaled = |sensor, sample: &mut Sample| {
+                if sensor == Sensor::Gyroscope {
+                    sample.value *= times;
+                }
+            };
+            let found = gyroscope(&session(Held::default(), seed, 12, scaled), Config::default());
+            assert!(found.bias.is_none() && says(&found, words), "{times}, seed {seed}: {found:?}");
+        }
+    }
+}

@@ -19,6 +19,7 @@ mod movement;
 mod partial;
 mod position;
 mod presets;
+mod pushed;
 mod recognised;
 mod rests;
 mod rotations;

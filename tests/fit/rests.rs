@@ -108,7 +108,7 @@ fn a_slow_wander_is_several_placements_none_of_which_wanders_far() {
 #[test]
 fn a_rest_after_a_gap_that_ends_in_motion_is_still_the_same_placement() {
     let session = Session::new().rest(Vector3::z(), 4.0).gap(3.0).rest(Vector3::z(), 4.0).motion(1.0);
-    let rests = found(&session.rest(Vector3::z(), 4.0), &Config::default());
+    let rests = found(&session.rest(Vector3::x(), 4.0), &Config::default());
     assert_eq!(rests.iter().map(|rest| rest.placement).collect::<Vec<_>>(), [1, 1, 2]);
 }
 

@@ -3,8 +3,8 @@
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
+use rand::{Rng, SeedableRng as _};
 use stillpoint::merge::{ChangeKind, MOST_RESTS, Merge, Merged};
 use stillpoint::messages::{self, Segment};
 use stillpoint::report::Findings;
@@ -103,6 +103,53 @@ fn another_sensor_under_an_old_name_is_told() {
     assert!((14..=16).contains(&found), "{found}");
     let scale = merged.findings.calibration.unwrap().accelerometer.unwrap().scale.unwrap();
     assert!((scale.x - 1.01).abs() < 0.005, "the numbers are those of the sensor that is there now: {scale:?}");
+}
+
+/// Sessions of six faces a day apart; the first face of one of them is off by so much.
+fn sessions(rng: &mut impl Rng, count: i64, wrong: i64, off: f64) -> (Truth, Vec<Findings>) {
+    let truth = Truth::new(rng);
+    let mut all: Vec<_> = (0..count).map(|day| truth.recording(rng, day * DAY, 6)).collect();
+    let rest = all[wrong as usize].rests.values_mut().next().unwrap();
+    let mean = rest.means[0].mean.as_mut().unwrap();
+    let length = (mean.x * mean.x + mean.y * mean.y + mean.z * mean.z).sqrt();
+    [&mut mean.x, &mut mean.y, &mut mean.z].into_iter().for_each(|axis| *axis *= 1.0 + off / length);
+    (truth, all)
+}
+
+#[test]
+fn one_wrong_placement_of_a_session_is_no_other_sensor() {
+    let mut rng = randomness();
+    for (count, wrong) in [(2, 0), (2, 1), (4, 0), (4, 2), (4, 3)] {
+        for off in [0.15, -0.3] {
+            let (truth, all) = sessions(&mut rng, count, wrong, off);
+            let merged = only(&joined(&all));
+            let history = &merged.history;
+            assert!(history.changes.is_empty(), "{count}, {wrong}, {off}: {:#?}", history.changes);
+            let named = history.strays.iter().flatten();
+            // Of two sessions that contradict each other both rests are named.
+            let on_its_day = named.filter(|start| start.nanos() / DAY == wrong).count();
+            assert_eq!(on_its_day, 1, "{count}, {wrong}, {off}: {:?}", history.strays);
+            assert_eq!(history.strays.concat().len(), if count == 2 { 2 } else { 1 });
+            let bias = merged.findings.calibration.unwrap().accelerometer.unwrap().bias.unwrap();
+            if count > 2 {
+                assert!((Vector3::new(bias.x, bias.y, bias.z) - truth.bias).amax() < 0.03, "{bias:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_shock_between_sessions_of_six_faces_is_no_wrong_placement() {
+    let mut rng = randomness();
+    for _ in 0..4 {
+        let mut truth = Truth::new(&mut rng);
+        let mut all: Vec<_> = (0..3).map(|day| truth.recording(&mut rng, day * DAY, 6)).collect();
+        truth.bias += Vector3::new(0.15, -0.2, 0.1);
+        all.extend((3..6).map(|day| truth.recording(&mut rng, day * DAY, 6)));
+        let history = only(&joined(&all)).history;
+        assert_eq!(history.changes.len(), 1, "{:#?}", history.changes);
+        assert!(history.strays.is_empty(), "{:?}", history.strays);
+    }
 }
 
 #[test]
