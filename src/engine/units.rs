@@ -122,7 +122,7 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
             (Misread::Unit, format!("{unit}{remedy}"))
         }
         (Some((unit, set)), Some(order)) => {
-            let none = set.as_ref().err().map_or_else(String::new, |none| format!(", {none}"));
+            let none = set.as_ref().map_or_else(|none| format!(", {none}"), |_| String::new());
             let set: Vec<_> = set.into_iter().chain(std::iter::once(axes_setting(axes))).collect();
             (Misread::Unit, format!("{unit}{none}; {}: {}", order.text, setting("gyro", &set)))
         }
@@ -146,11 +146,6 @@ pub(super) fn otherwise(per_radian: f64, or: Option<f64>, axes: AxisOrder, unit:
     }
 }
 
-/// What is said of a factor that no unit makes.
-const NO_UNIT: &str = "which is no known unit: is the full-scale range that its driver assumes the one that is set?";
-/// What is said of a unit that no setting knows.
-const NO_SETTING: &str = "which no setting converts: record them in rad/s or deg/s";
-
 /// Setting of a triad, as a sentence.
 fn setting(triad: &str, entries: &[String]) -> String {
     format!("set {triad} = {{ {} }} in its [[imu]]", entries.join(", "))
@@ -164,7 +159,8 @@ fn axes_setting(order: AxisOrder) -> String {
 
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
-/// Text on rates in another unit, from the recorded number per rad/s, or else `or`, and the setting for it, or what to do.
+/// Text on rates in another unit, from the recorded number per rad/s, or else `or`, and the setting for it, or what to do
+/// instead.
 fn other_unit(recorded: f64, or: Option<f64>) -> (String, Result<String, &'static str>) {
     let called = |recorded: f64| match RateScale::near(recorded) {
         RateScale::Radians => "in rad/s".to_owned(),
@@ -180,8 +176,10 @@ fn other_unit(recorded: f64, or: Option<f64>) -> (String, Result<String, &'stati
     let set = match RateScale::near(recorded) {
         RateScale::Radians => Ok("unit = \"rad/s\"".to_owned()),
         RateScale::Degrees => Ok("unit = \"deg/s\"".to_owned()),
-        RateScale::Unknown(_) => Err(NO_UNIT),
-        _ => Err(NO_SETTING),
+        RateScale::Unknown(_) => {
+            Err("which is no known unit: is the full-scale range that its driver assumes the one that is set?")
+        }
+        _ => Err("which no setting converts: record them in rad/s or deg/s"),
     };
     (format!("between rests gravity turned as if the rates were {}{or}", called(recorded)), set)
 }

@@ -4,6 +4,7 @@
 mod opening;
 mod order;
 mod read;
+mod stamp_counts;
 mod stamps;
 mod strays;
 

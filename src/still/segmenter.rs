@@ -223,8 +223,8 @@ impl Segmenter {
         self.tracks().map(|track| track.clock().breaks()).sum()
     }
 
-    /// Time for which the sensor must be held still for a rest that enters the fit, in whole seconds: its window must be
-    /// quiet before a rest is seen, and as much is taken off its end.
+    /// Time for which the sensor must be held still for a rest that enters the fit, in whole seconds: a window is taken
+    /// off its end, and half of one off the beginning of a first rest, with which the noise floor falls.
     pub fn hold_s(&self) -> u32 {
         /// Least time that people are told, s.
         const LEAST: f64 = 2.0;
@@ -233,7 +233,7 @@ impl Segmenter {
         let Config { window_s, settle_s, min_fit_s, .. } = self.config;
         let window = self.window_span().map_or(window_s, |span| span as f64 * 1e-9);
         let period = self.accelerometer.clock().period().map_or(0.0, |period| period as f64 * 1e-9);
-        let needed = window + min_fit_s.max(settle_s) + 2.0 * period + LATE;
+        let needed = 1.5 * window + min_fit_s.max(settle_s) + 2.0 * period + LATE;
         libm::ceil(needed.max(LEAST)) as u32
     }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::opening::{Opening, Pace, Stamped};
 use super::read::Read;
 use super::since;
+use super::stamp_counts::StampCounts;
 use super::strays::{Course, Point, Stray, Strays, agrees, goes_on};
 use crate::Stamp;
 use crate::imu::sample::{Reading, Sample};
@@ -56,22 +57,6 @@ pub(super) struct Stamps {
     counts: StampCounts,
 }
 
-/// Number of messages by kind of correction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-struct StampCounts {
-    repeats: u64,
-    spread: u64,
-    logged: u64,
-    wraps: u64,
-    /// Messages with a single wrong stamp, those of them whose log time did not serve, and how far the first is off, ns.
-    wrong: u64,
-    left_out: u64,
-    off: i64,
-    /// Messages that came too late, and the largest lateness, ns.
-    late: u64,
-    latest: i64,
-}
-
 impl Stamps {
     /// Adds the readings of one message, all of one stamp.
     pub(super) fn pass(&mut self, log_time: u64, readings: &[Read], late_nanos: i64, sink: &mut impl FnMut(Read)) {
@@ -105,40 +90,7 @@ impl Stamps {
 
     /// Corrections, one line each.
     pub(super) fn remarks(&self, late_nanos: i64) -> impl Iterator<Item = String> {
-        let StampCounts { repeats, spread, logged, wraps, wrong, left_out, off, late, latest } = self.counts;
-        let share = |count: u64| {
-            format!("{count} of {} messages ({:.1} %)", self.messages, 100.0 * count as f64 / self.messages as f64)
-        };
-        let line = |count: u64, text: &str| (count > 0).then(|| format!("{} {text}", share(count)));
-        let by_log = match self.pace {
-            Some(Pace::Thousands(power)) => Some(in_another_unit(power)),
-            _ => line(logged, "have stamps that stand still or make no sense: their log time is used"),
-        };
-        let left_out = match left_out {
-            0 => String::new(),
-            count => format!(
-                "; where it does not fit, {} left out",
-                if count == 1 { "one is".to_owned() } else { format!("{count} are") }
-            ),
-        };
-        let off = time(off);
-        let wrong = line(
-            wrong,
-            &format!("with a stamp far from those around it (the first by {off}): the log time is used{left_out}"),
-        );
-        [
-            line(repeats, "repeat a reading under its stamp, and count once"),
-            line(
-                spread,
-                "differ under one stamp: a coarse clock, or a batch; their times are spread up to the next stamp",
-            ),
-            by_log,
-            (wraps > 0).then(|| format!("the stamps are of 32 bits and wrapped {wraps} times: they are continued")),
-            wrong,
-            line(late, &too_late(latest, late_nanos)),
-        ]
-        .into_iter()
-        .flatten()
+        self.counts.remarks(self.messages, self.pace, late_nanos)
     }
 
     /// Begins the course, once the pace is known.
@@ -153,9 +105,11 @@ impl Stamps {
         // A wrong stamp at the very beginning is none to go on from.
         let wrong = held.windows(2).take_while(is_wrong).count();
         let begin = if self.by_log.is_some() || wrong + 1 >= held.len() { 0 } else { wrong };
+        let first = held.get(begin).map_or(0, |(stamp, ..)| *stamp);
         for (i, (stamp, log_time, readings)) in held.into_iter().enumerate() {
             if i < begin {
-                self.leave_out(&Stray { recorded: stamp, stamp, log_time, readings });
+                self.counts.left_out += 1;
+                self.counts.count_wrong(stamp.saturating_sub(first));
             } else {
                 self.follow(stamp, log_time, &readings, late_nanos, sink);
             }
@@ -222,7 +176,7 @@ impl Stamps {
         for stray in self.strays.take() {
             let stamp = last.saturating_add(since(stray.log_time, log));
             if stray.lateness(last).is_none() && self.held.is_empty() && before < stamp && stamp < next {
-                self.count_wrong(&stray, last);
+                self.counts.count_wrong(stray.stamp.saturating_sub(last));
                 before = stamp;
                 tell(&stray.readings, stamp, sink);
             } else {
@@ -234,22 +188,12 @@ impl Stamps {
     fn leave_out(&mut self, stray: &Stray) {
         let newest = self.last.map(|(last, _)| last);
         match newest.and_then(|newest| stray.lateness(newest)) {
-            Some(late) => {
-                self.counts.late += 1;
-                self.counts.latest = self.counts.latest.max(late);
-            }
+            Some(late) => self.counts.count_late(late),
             None => {
                 self.counts.left_out += 1;
-                self.count_wrong(stray, newest.unwrap_or(stray.stamp));
+                self.counts.count_wrong(stray.stamp.saturating_sub(newest.unwrap_or(stray.stamp)));
             }
         }
-    }
-
-    fn count_wrong(&mut self, stray: &Stray, last: i64) {
-        if self.counts.wrong == 0 {
-            self.counts.off = stray.stamp.saturating_sub(last);
-        }
-        self.counts.wrong += 1;
     }
 
     /// Handles a clock that was set: the held messages from `first` on are a course of their own.
@@ -376,45 +320,5 @@ fn tell(readings: &[Read], nanos: i64, sink: &mut impl FnMut(Read)) {
             Reading::NewRound { log_time, .. } => Reading::NewRound { stamp, log_time },
         };
         sink((imu, sensor, reading));
-    }
-}
-
-/// Text on stamps that run 1000 to this power times as fast as the log.
-fn in_another_unit(power: i32) -> String {
-    const UNITS: [&str; 4] = ["nanoseconds", "microseconds", "milliseconds", "seconds"];
-    let unit = |at: i32| usize::try_from(at).ok().and_then(|at| UNITS.get(at)).copied();
-    let times = format!(
-        "1000{}",
-        ["", " · 1000", " · 1000 · 1000"].get(power.unsigned_abs() as usize - 1).unwrap_or(&" and more")
-    );
-    let (pace, seem, change) = match power < 0 {
-        true => ("slower", unit(-power).zip(unit(0)), "Multiply"),
-        false => ("faster", unit(0).zip(unit(power)), "Divide"),
-    };
-    let seem = seem.map_or_else(String::new, |(read, taken)| format!(", as {read} in a field of {taken} do"));
-    format!(
-        "the stamps run {times} times {pace} than the log times beside them{seem}: the log times are used. {change} the stamps by \
-         {times} where they are written, to have the sensor's own times"
-    )
-}
-
-/// Text on readings that came later than `still.late_s` allows.
-fn too_late(latest: i64, late_nanos: i64) -> String {
-    let seconds = latest as f64 * 1e-9;
-    // The next tenth of a second is enough, and 10 s is the most that can be set.
-    let enough = ((seconds * 10.0).floor() / 10.0 + 0.1).min(10.0);
-    format!(
-        "came late by up to {seconds:.2} s, more than still.late_s = {} allows, and are left out: set still.late_s = {enough:.1} \
-         to have them sorted in",
-        (late_nanos as f64 * 1e-3).round() * 1e-6
-    )
-}
-
-/// Length of time in words.
-fn time(nanos: i64) -> String {
-    let seconds = nanos.unsigned_abs() as f64 * 1e-9;
-    match seconds {
-        ..172_800.0 => format!("{seconds:.1} s"),
-        _ => format!("{:.0} days", seconds / 86_400.0),
     }
 }
