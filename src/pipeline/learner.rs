@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use self::engine_setup::{engine_config, is_called, topic_of};
-pub(crate) use self::notes::{not_corrected, uncorrected};
+pub(crate) use self::notes::{not_corrected, rounded, uncorrected};
 use crate::Stamp;
 use crate::annotate::{Annotator, Corrected, Corrections, is_only_partial};
 use crate::config::Config;
@@ -279,6 +279,7 @@ impl Learner {
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
+        let stuck = stuck.chain(rounded(&self.sources.intake, &self.corrector));
         let apart = self.apart().is_some();
         let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck);
         let notes = notes.chain(self.unused_rotations()).collect();

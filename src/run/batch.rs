@@ -278,7 +278,8 @@ fn correct_all(
         correcting.keep()?;
         done += split.length();
     }
-    let corrector = pass.finish();
+    let (corrector, notes) = pass.finish();
+    learned.notes.extend(notes);
     let stuck = learned.imus.iter().filter(|imu| known(imu).is_some() && !corrector.has_written(&imu.name));
     learned.notes.extend(stuck.map(not_corrected));
     Ok(())
