@@ -163,7 +163,7 @@ fn other_axes(axes: AxisOrder) -> (Misread, String) {
             format!("the accelerometer's {pair} axes are exchanged (or the gyroscope's, and all of its axes flipped)"),
         );
     }
-    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "−" } else { "" }, names[axes.from[axis]]);
+    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "-" } else { "" }, names[axes.from[axis]]);
     let kind = if axes.is_mirrored() { Misread::Gyroscope } else { Misread::Turned };
     (
         kind,
@@ -260,7 +260,7 @@ mod tests {
             (order(right, [true; 3]), Misread::Gyroscope, "all axes"),
             (order([1, 0, 2], [false; 3]), Misread::Gyroscope, "gyroscope's x and y axes are exchanged"),
             (order([0, 2, 1], [true; 3]), Misread::Accelerometer, "accelerometer's y and z axes are exchanged"),
-            (order([1, 0, 2], [false, true, false]), Misread::Turned, "gyroscope's y, −x, z"),
+            (order([1, 0, 2], [false, true, false]), Misread::Turned, "gyroscope's y, -x, z"),
             (order([1, 2, 0], [false; 3]), Misread::Turned, "gyroscope's y, z, x"),
         ] {
             assert!(kind == expected && text.contains(words), "{text}");

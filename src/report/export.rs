@@ -186,9 +186,19 @@ pub enum ExportError {
         /// The next step.
         next: &'static str,
     },
+    /// An option is missing, or of no use here.
+    #[error("{0}")]
+    Option(String),
     /// The result would be wrong.
     #[error("{0}")]
     Refused(String),
+}
+
+impl ExportError {
+    /// Whether the command line is at fault, whatever the calibration.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Several(_) | Self::Option(_))
+    }
 }
 
 /// Advice for a model that the format cannot hold.
@@ -204,7 +214,7 @@ pub fn export(findings: &[Findings], format: Format, options: &Options) -> Resul
     if let Some(walk) = options.random_walk.filter(|&walk| !format.takes(walk)) {
         let formats: Vec<_> = Format::ALL.iter().filter(|other| other.takes(walk)).map(|other| other.name).collect();
         let formats = formats.join(" and ");
-        return Err(ExportError::Refused(format!("this --random-walk is of use to --format {formats} alone")));
+        return Err(ExportError::Option(format!("this --random-walk is of use to --format {formats} alone")));
     }
     match options.imu {
         Some(_) => (format.write)(std::slice::from_ref(one(findings, options)?), options),

@@ -121,7 +121,9 @@ fn annotate_in_order(
             drop((output, unwritten, sidecar, target));
             return annotate_in_order(input, outputs, (config, mark), options, watch, Some(apart));
         }
-        if let Some(note) = annotated_before(splits.learner.sources()).filter(|_| !alone) {
+        // What is annotated once more says that it was edited, too.
+        let note = || annotated_before(splits.learner.sources()).or_else(|| split.edit());
+        if let Some(note) = note().filter(|_| !alone) {
             tracing::warn!("{}: {note}", split.path().display());
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());

@@ -7,6 +7,7 @@ mod common;
 mod session;
 
 mod batches;
+mod compared;
 mod containers;
 mod filtered;
 mod fleet;
@@ -21,6 +22,7 @@ mod refused;
 mod results;
 mod rooms;
 mod rosbag2;
+mod said;
 mod shell;
 mod splits;
 mod terminal;

@@ -22,8 +22,15 @@ pub(super) struct Pick {
     text: bool,
     fields: Vec<(String, Pick)>,
     elements: Vec<(u32, Pick)>,
-    /// Values to pick from each element, and their slots with the elements that they are wanted of.
-    every: Option<(Box<Pick>, Vec<(usize, Stride)>)>,
+    every: Option<Box<EveryElement>>,
+}
+
+/// Values to pick from each element of a list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct EveryElement {
+    pick: Pick,
+    /// Their slots, and the elements that they are wanted of.
+    slots: Vec<(usize, Stride)>,
 }
 
 impl Pick {
@@ -49,9 +56,9 @@ impl Pick {
             match segment.element {
                 Some(Element::At(element)) => child(&mut field.elements, element),
                 Some(Element::Each(stride)) => {
-                    let (pick, slots) = field.every.get_or_insert_default();
-                    slots.push((slot, stride));
-                    pick
+                    let every = field.every.get_or_insert_default();
+                    every.slots.push((slot, stride));
+                    &mut every.pick
                 }
                 None => field,
             }
@@ -117,7 +124,7 @@ impl Pick {
         for &(element, ref pick) in &self.elements {
             elements.get(element as usize).into_iter().for_each(|value| pick.locate_in(value, origin, places));
         }
-        let Some((pick, slots)) = &self.every else { return };
+        let Some(EveryElement { pick, slots }) = self.every.as_deref() else { return };
         for (i, value) in (0_u32..).zip(elements) {
             pick.locate_in(value, origin, places);
             for &(slot, stride) in slots {
@@ -223,7 +230,7 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
 
     fn visit_seq<A: SeqAccess<'d>>(self, mut list: A) -> Result<(), A::Error> {
         let Self { pick, found } = self;
-        if let Some((pick, slots)) = &pick.every {
+        if let Some(EveryElement { pick, slots }) = pick.every.as_deref() {
             for i in 0_u32.. {
                 for &(slot, _) in slots {
                     found.numbers.get_mut(slot).into_iter().for_each(|number| *number = f64::NAN);
