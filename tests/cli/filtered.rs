@@ -88,15 +88,16 @@ fn a_copy_that_carries_our_metadata_is_told_once() {
     let (folder, bytes) = annotated("");
     folder.write("whole.mcap", &copied(&bytes, |_| true, true));
     folder.write("alone.mcap", &copied(&bytes, |topic| !topic::is_annotation(topic), true));
-    for (name, words) in [
-        ("whole.mcap", "whole.mcap: holds annotations of an earlier run"),
-        ("alone.mcap", "alone.mcap: was annotated, then edited by another program"),
+    let (annotate, tail) = ("annotate -o again.mcap --force", "tail -o again.mcap --force");
+    for (name, commands, words) in [
+        ("whole.mcap", &[annotate, tail][..], "holds annotations of an earlier run"),
+        ("alone.mcap", &[annotate], "was annotated, then edited by another program"),
     ] {
-        for command in ["annotate -o again.mcap --force", "tail -o again.mcap --force"] {
+        for command in commands {
             let run = folder.run(format!("{command} {name}").split_whitespace().chain(["--set", MAPPED])).ok();
             let warnings = before(&run.stderr);
             assert_eq!(warnings.len(), 1, "{command} {name}: {warnings:?}");
-            assert!(warnings[0].contains(words.split_once(": ").unwrap().1), "{warnings:?}");
+            assert!(warnings[0].contains(words), "{warnings:?}");
         }
         let run = folder.run(["topics", name, "--set", MAPPED]).ok();
         let warnings = before(&run.stderr);

@@ -62,7 +62,7 @@ fn what_is_pasted_holds_the_numbers_of_the_export_exactly() {
     // Readings as the recording holds them are corrected as `output.corrected` would.
     let numpy = pasted(&html, "numpy");
     let line = |name: &str| numpy.lines().find(|line| line.starts_with(name)).unwrap().to_owned();
-    assert!(line("gyroscope_S").contains(said) && !line("accelerometer_S").contains('#'), "{numpy}");
+    assert!(line("# gyroscope").contains(said) && !line("# accelerometer").contains(said), "{numpy}");
     let bias = json["accelerometer"]["bias"].to_string();
     assert!(numpy.contains(&format!("accelerometer_bias = np.array({bias})")), "{numpy}");
     let Some(python) = crate::common::needs::python() else { return };

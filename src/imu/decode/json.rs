@@ -22,12 +22,12 @@ pub(super) struct Pick {
     text: bool,
     fields: Vec<(String, Pick)>,
     elements: Vec<(u32, Pick)>,
-    every: Option<Box<EveryElement>>,
+    every: Option<Box<ListPick>>,
 }
 
 /// Values to pick from each element of a list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct EveryElement {
+struct ListPick {
     pick: Pick,
     /// Their slots, and the elements that they are wanted of.
     slots: Vec<(usize, Stride)>,
@@ -124,7 +124,7 @@ impl Pick {
         for &(element, ref pick) in &self.elements {
             elements.get(element as usize).into_iter().for_each(|value| pick.locate_in(value, origin, places));
         }
-        let Some(EveryElement { pick, slots }) = self.every.as_deref() else { return };
+        let Some(ListPick { pick, slots }) = self.every.as_deref() else { return };
         for (i, value) in (0_u32..).zip(elements) {
             pick.locate_in(value, origin, places);
             for &(slot, stride) in slots {
@@ -230,7 +230,7 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
 
     fn visit_seq<A: SeqAccess<'d>>(self, mut list: A) -> Result<(), A::Error> {
         let Self { pick, found } = self;
-        if let Some(EveryElement { pick, slots }) = pick.every.as_deref() {
+        if let Some(ListPick { pick, slots }) = pick.every.as_deref() {
             for i in 0_u32.. {
                 for &(slot, _) in slots {
                     found.numbers.get_mut(slot).into_iter().for_each(|number| *number = f64::NAN);

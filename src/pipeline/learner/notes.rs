@@ -20,7 +20,7 @@ pub(crate) fn rounded(intake: &Intake, corrector: &Corrector) -> Vec<String> {
     let note = |((name, triad), (sensor, step)): ((&str, &str), (Sensor, f64))| {
         let unit = if sensor == Sensor::Gyroscope { "rad/s" } else { "m/s²" };
         format!(
-            "{name}: corrected messages hold integers, as it does: the {triad} is rounded to steps of {step:.2e} {unit}"
+            "{name}: corrected messages hold integers, as the recording's do: the {triad} is rounded to steps of {step:.2e} {unit}"
         )
     };
     rounding.map(note).collect()

@@ -100,10 +100,10 @@ fn numpy(triads: &[(&Triad, Value)]) -> String {
         let (bias, s) = (&numbers["bias"], &numbers["sensitivity"]);
         let _ = write!(
             text,
-            "\n# {}, {}: readings as rows of three\n{name}_bias = np.array({bias})\n{name}_S = np.array({s}){}\n",
+            "\n# {}, {}: readings as rows of three{}\n{name}_bias = np.array({bias})\n{name}_S = np.array({s})\n",
             triad.sensor.escape_default(),
             unit(triad),
-            if triad.sensitivity.is_empty() { format!("  # {ASSUMED}") } else { String::new() }
+            if triad.sensitivity.is_empty() { format!("; S was {ASSUMED}") } else { String::new() }
         );
         match matrix(&triad.g_sensitivity) {
             Some(_) => {

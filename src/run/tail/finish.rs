@@ -91,7 +91,7 @@ impl Shell<'_> {
             let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
             return Ok(Tailed { report, length, output, written: Written::Now, ending });
         };
-        if let Some(note) = annotated.or_else(|| input.splits.iter().find_map(Recording::edit)) {
+        if let Some(note) = annotated {
             notify(Notice::Trouble(&format!("it {note}")));
         }
         let (report, written) = self.patiently(notify, |shell| shell.fold(&input, &splits, &learned))?;
