@@ -34,6 +34,22 @@ function look() {
   const faults = new Set();
   const over = document.documentElement.scrollWidth - innerWidth;
   if (over > 0) faults.add(`is ${over} px wider than the screen`);
+  // What is unfolded on request may be wider than a phone; what everybody sees may not.
+  for (const table of document.querySelectorAll(".scroll:not(details *)")) {
+    const cut = table.scrollWidth - table.clientWidth;
+    if (cut > 1) faults.add(`cuts ${cut} px off "${table.textContent.trim().slice(0, 40)}"`);
+  }
+  // Names on the maps of directions cover no dot.
+  for (const map of document.querySelectorAll(".map svg")) {
+    const dots = [...map.querySelectorAll(".spot")].map((dot) => dot.getBoundingClientRect());
+    for (const name of map.querySelectorAll("text")) {
+      const box = name.getBoundingClientRect();
+      const [x, y] = [box.width / 8, box.height / 4];
+      const covered = dots.filter((dot) => dot.right > box.left + x && dot.left < box.right - x
+        && dot.bottom > box.top + y && dot.top < box.bottom - y).length;
+      if (covered) faults.add(`"${name.textContent}" covers ${covered} dots`);
+    }
+  }
   const rgb = (color) => (color.match(/[\d.]+/g) ?? []).map(Number);
   const light = (color) => {
     const [r, g, b] = color.map((v) => (v / 255 <= 0.04045 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4));

@@ -172,6 +172,9 @@ pub struct Completions {
 pub struct Man {
     /// Folder to write into
     pub dir: PathBuf,
+    /// Replace pages that exist
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]

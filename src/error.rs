@@ -181,6 +181,9 @@ impl fmt::Display for Reason<'_> {
                 "no space left; free some or choose another disk with -o"
             }
             io::ErrorKind::UnexpectedEof => "it became shorter while it was read",
+            _ if self.source.raw_os_error() == Some(rustix::io::Errno::MFILE.raw_os_error()) => {
+                "this process may open no more files at a time; raise the limit (ulimit -n)"
+            }
             io::ErrorKind::FileTooLarge => "the file system or a limit allows no file of this size",
             _ => return self.source.fmt(f),
         })

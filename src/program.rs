@@ -6,7 +6,7 @@ use std::panic;
 use std::thread;
 use std::time::Duration;
 
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 use stillpoint::run::{self, Stop};
 use tokio::runtime::{Builder, Runtime};
 
@@ -19,7 +19,8 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// Runs the program with these arguments, its own name first, and returns its exit code. To be called once in a process:
 /// it takes the process's signals and standard streams, and exits by itself where the command line is wrong.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = cli::Cli::try_parse_from(args).unwrap_or_else(|error| refuse(&error));
+    let args: Vec<_> = args.into_iter().collect();
+    let cli = cli::Cli::try_parse_from(&args).unwrap_or_else(|error| refuse(&error, &args));
     console::log_to_stderr(&cli);
     run::allow_many_files();
 
@@ -34,14 +35,39 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     stop.signal().map_or(code, |signal| 128 + signal)
 }
 
-/// Reports an error in the command line, and exits. An invalid value is reported in one line, like every other error.
-fn refuse(error: &clap::Error) -> ! {
-    if error.kind() == clap::error::ErrorKind::ValueValidation {
-        let text = error.to_string();
-        eprintln!("{}", stillpoint::printable(text.lines().next().unwrap_or_default()));
-        std::process::exit(2);
+/// Reports an error in the command line in one line, like every other error, and exits. Help that is asked for is printed
+/// as it is.
+fn refuse(error: &clap::Error, args: &[OsString]) -> ! {
+    use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
+    match error.kind() {
+        DisplayHelp | DisplayHelpOnMissingArgumentOrSubcommand | DisplayVersion => error.exit(),
+        _ => eprintln!("{}", stillpoint::printable(&mistake(error, args))),
     }
-    error.exit()
+    std::process::exit(2);
+}
+
+/// A mistake in the command line: what and where, what may have been meant, and which help says more.
+fn mistake(error: &clap::Error, args: &[OsString]) -> String {
+    let text = error.to_string();
+    let trimmed = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut lines = text.lines();
+    let what: Vec<_> = lines.by_ref().map(trimmed).take_while(|line| !line.is_empty()).collect();
+    // A value that is wrong says what is right.
+    if error.kind() == clap::error::ErrorKind::ValueValidation {
+        return what.join(" ");
+    }
+    let tips: Vec<_> = lines.clone().filter_map(|line| line.trim().strip_prefix("tip: ")).map(trimmed).collect();
+    let usage = lines.find_map(|line| line.strip_prefix("Usage: ")).unwrap_or_default();
+    let is_verb = |word: &&str| word.starts_with(|c: char| c.is_ascii_lowercase());
+    let mut verbs: Vec<_> = usage.split_whitespace().skip(1).take_while(is_verb).collect();
+    let program = cli::Cli::command();
+    if verbs.is_empty() {
+        // Values have no usage.
+        let typed = args.iter().skip(1).filter_map(|word| program.find_subcommand(word));
+        verbs.extend(typed.map(clap::Command::get_name).take(1));
+    }
+    let help = ["stillpoint"].into_iter().chain(verbs).chain(["--help"]).collect::<Vec<_>>().join(" ");
+    [what.join(" ")].into_iter().chain(tips).chain([format!("see {help}")]).collect::<Vec<_>>().join("; ")
 }
 
 /// Listens for signals on a thread of its own.

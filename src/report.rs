@@ -5,8 +5,10 @@
 
 mod account;
 mod calendar;
+mod calm;
 mod course;
 mod drift;
+mod earlier;
 mod envelope;
 mod export;
 mod findings;
@@ -25,7 +27,8 @@ pub(crate) mod yaml;
 pub use account::{Account, Outcome, SHIFTED, SUSPICIOUS, Verdict, Worst, account, verdict_text};
 pub use calendar::{day, moment};
 pub use course::{Course, Curve, Jump};
-pub use drift::{Change, Drift, drift, same};
+pub use drift::{Change, Drift, drift};
+pub use earlier::{Counterpart, Earlier};
 pub use envelope::{Envelope, Range};
 pub use export::{Axes, ExportError, Exported, Format, Options, RandomWalk, Readings, export};
 pub use findings::Findings;

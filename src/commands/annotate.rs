@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use stillpoint::config::Config;
-use stillpoint::report::{self, Findings};
+use stillpoint::report::{self, Earlier, Findings};
 use stillpoint::run::{self, Access, EarlierResult, Form, Input, Made, Options, Reads, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
@@ -298,6 +298,7 @@ pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Fi
         "damage": {"count": report.damages, "found": damage.collect::<serde_json::Value>()},
     });
     if let Some(earlier) = earlier {
+        let earlier = &Earlier::new(earlier, &report.imus);
         result["drift"] = report.imus.iter().map(|imu| report::drifts(imu, earlier)).collect();
     }
     result
@@ -313,7 +314,8 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
         warn!("{} damages in all", report.damages);
     }
     let look = Look::of(&console::Term::stderr());
-    report.imus.iter().for_each(|imu| info!(target: COMPOSED, "{}", summary::imu(imu, earlier, look)));
+    let earlier = earlier.map(|earlier| Earlier::new(earlier, &report.imus));
+    report.imus.iter().for_each(|imu| info!(target: COMPOSED, "{}", summary::imu(imu, earlier.as_ref(), look)));
     for output in outputs {
         match written {
             Written::Now => info!("wrote {}", output.display()),

@@ -1,7 +1,9 @@
 //! `stillpoint export`: the calibration for other programs.
 
+use std::path::Path;
+
 use stillpoint::Error;
-use stillpoint::report::{self, Options, Parameters, Readings};
+use stillpoint::report::{self, ExportError, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
 use super::code::{Code, damaged};
@@ -18,8 +20,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?
     };
-    let exported = report::export(&found.imus, args.format, &options)
-        .map_err(|error| Error::input(&args.input, error.to_string()))?;
+    let exported = report::export(&found.imus, args.format, &options).map_err(refused(&args.input))?;
     let reads = reads([&args.input], &[&args.configuration.config, &args.convention.in_force]);
     write(&exported.text, args.output.as_deref(), args.force, &reads)?;
     exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -28,6 +29,14 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
         tracing::warn!("{} damages in all", found.damages);
     }
     Ok(damaged(found.damages, args.accept_damage))
+}
+
+/// Refusal to export what is at this path: the fault of the command line, or of the calibration.
+pub fn refused(path: &Path) -> impl FnOnce(ExportError) -> Error {
+    move |error| match error.is_usage() {
+        true => Error::Usage(format!("{}: {error}", path.display())),
+        false => Error::input(path, error.to_string()),
+    }
 }
 
 /// Options of the format.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 use stillpoint::Error;
-use stillpoint::report::{self, Axes, Findings};
+use stillpoint::report::{self, Axes, Findings, ImportError};
 
 use super::code::Code;
 use super::files::{reads, text_of, write};
@@ -26,7 +26,10 @@ pub fn run(args: &cli::Import) -> Result<Code, Error> {
 
 /// Reads a calibration in any format.
 pub fn read(path: &Path, axes: Option<Axes>) -> Result<Vec<Findings>, Error> {
-    report::import(&text_of(path)?, axes).map_err(|error| Error::input(path, error.to_string()))
+    report::import(&text_of(path)?, axes).map_err(|error| match error {
+        ImportError::Axes(_) => Error::Usage(format!("{}: {error}", path.display())),
+        error => Error::input(path, error.to_string()),
+    })
 }
 
 /// Reads the calibration to compare with, if there is one.

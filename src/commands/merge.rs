@@ -1,5 +1,7 @@
 //! `stillpoint merge`: the combined calibration of each sensor from many recordings.
 
+use std::ops::Range;
+
 use console::style;
 use stillpoint::config::Config;
 use stillpoint::merge::{self, History, Merge, Merged, Point};
@@ -69,8 +71,8 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
         }
         Some(format) => {
             let findings: Vec<Findings> = merged.iter().map(|merged| merged.findings.clone()).collect();
-            let exported =
-                report::export(&findings, format, &options).map_err(|error| Error::Usage(error.to_string()))?;
+            let refused = export::refused("the merged calibration".as_ref());
+            let exported = report::export(&findings, format, &options).map_err(refused)?;
             write(&exported.text, args.output.as_deref(), args.force, &read)?;
             exported.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         }
@@ -119,23 +121,36 @@ fn page(merged: &[Merged], inputs: usize, config: &Config) -> String {
         .html()
 }
 
-/// The parameters over time: evenly chosen recordings, about as many as fit a terminal.
+/// The parameters over time: those that read alike share a line, and of the lines as many are evenly chosen as fit a
+/// terminal; nothing where there is only one.
 fn curve(history: &History, look: Look) -> Vec<String> {
     const LISTED: usize = 24;
-    let Some(first) = history.curve.first().filter(|_| history.curve.len() > 1) else { return Vec::new() };
-    let step = history.curve.len().div_ceil(LISTED);
-    let mut table = Table::default();
-    table.row(["days", "bias x m/s²", "y", "z", "scale x", "y", "z"].map(str::to_owned));
-    let last = history.curve.len() - 1;
-    for point in history.curve.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last).map(|(_, point)| point) {
-        table.row(row(point, first));
+    let Some(first) = history.curve.first() else { return Vec::new() };
+    let days = |point: &Point| point.time.seconds_since(first.time) / 86_400.0;
+    let mut runs: Vec<(Range<f64>, usize, [[String; 3]; 2])> = Vec::new();
+    for point in &history.curve {
+        let numbers = [&point.bias, &point.scale]
+            .map(|[value, std]| [0, 1, 2].map(|i| report::estimate(value[i], 1.96 * std[i])));
+        match runs.last_mut() {
+            Some((span, count, known)) if *known == numbers => (span.end, *count) = (days(point), *count + 1),
+            _ => runs.push((days(point)..days(point), 1, numbers)),
+        }
+    }
+    if runs.len() < 2 {
+        return Vec::new();
+    }
+    let (step, last) = (runs.len().div_ceil(LISTED), runs.len() - 1);
+    let mut tables = [Table::default(), Table::default()];
+    for (table, name) in tables.iter_mut().zip(["bias x m/s²", "scale x"]) {
+        table.row(["days", "times", name, "y", "z"].map(str::to_owned));
+    }
+    for (_, (span, count, numbers)) in runs.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last) {
+        let [from, until] = [span.start, span.end].map(|days| format!("{days:.2}"));
+        let when = if from == until { from } else { format!("{from} to {until}") };
+        for (table, axes) in tables.iter_mut().zip(numbers) {
+            table.row([when.clone(), format!("{count}×")].into_iter().chain(axes.iter().cloned()));
+        }
     }
     let title = style("  over time, with 95 % intervals").for_stderr().dim().to_string();
-    [title].into_iter().chain(table.lines("  ", look.columns)).collect()
-}
-
-fn row(point: &Point, first: &Point) -> Vec<String> {
-    let days = point.time.seconds_since(first.time) / 86_400.0;
-    let of = |[value, std]: &[[f64; 3]; 2]| [0, 1, 2].map(|i| report::estimate(value[i], 1.96 * std[i]));
-    [format!("{days:.2}")].into_iter().chain(of(&point.bias)).chain(of(&point.scale)).collect()
+    [title].into_iter().chain(tables.iter().flat_map(|table| table.lines("  ", look.columns))).collect()
 }

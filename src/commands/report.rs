@@ -2,7 +2,7 @@
 
 use console::style;
 use serde_json::{Value, json};
-use stillpoint::report::{self, Findings, Page, Timeline};
+use stillpoint::report::{self, Earlier, Findings, Page, Timeline};
 use stillpoint::run::{self, Input, Stop};
 use stillpoint::{Error, printable};
 
@@ -39,7 +39,9 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         }
     } else if !json {
         let look = Look::of(&console::Term::stdout());
-        let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier, look)).collect();
+        let recorded = data.imus.iter().map(|timeline| &timeline.findings);
+        let earlier = earlier.map(|earlier| Earlier::new(earlier, recorded));
+        let text: Vec<_> = data.imus.iter().map(|timeline| people(timeline, earlier.as_ref(), look)).collect();
         let notes: String = data.notes.iter().map(|note| format!("{}\n", printable(note))).collect();
         let text = format!("{}\n{notes}", text.join("\n\n"));
         // The summary is coloured for standard error; piped output has no colours.
@@ -52,12 +54,13 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
 fn machine(timelines: &[Timeline], earlier: Option<&[Findings]>) -> Value {
     let mut result = json!({"imus": report::imus(timelines.iter().map(|timeline| &timeline.findings))});
     if let Some(earlier) = earlier {
+        let earlier = &Earlier::new(earlier, timelines.iter().map(|timeline| &timeline.findings));
         result["drift"] = timelines.iter().map(|timeline| report::drifts(&timeline.findings, earlier)).collect();
     }
     result
 }
 
-fn people(timeline: &Timeline, earlier: Option<&[Findings]>, look: Look) -> String {
+fn people(timeline: &Timeline, earlier: Option<&Earlier<'_>>, look: Look) -> String {
     let mut lines = vec![summary::imu(&timeline.findings, earlier, look)];
     lines.extend(bar(timeline, look.columns.min(MOST_COLUMNS) - 2));
     lines.extend(rests(&timeline.findings, look));

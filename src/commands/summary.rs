@@ -7,7 +7,7 @@ mod rests;
 
 use console::style;
 use stillpoint::printable;
-use stillpoint::report::Findings;
+use stillpoint::report::{Earlier, Findings};
 use stillpoint::still;
 
 use super::text::Look;
@@ -15,7 +15,7 @@ use super::text::Look;
 pub use self::rests::seconds;
 
 /// Findings of one IMU, on several lines; with the drift since an earlier calibration, if there is one.
-pub fn imu(findings: &Findings, earlier: Option<&[Findings]>, look: Look) -> String {
+pub fn imu(findings: &Findings, earlier: Option<&Earlier<'_>>, look: Look) -> String {
     let mut lines = vec![heading(findings), rests::count(findings)];
     lines.extend(rests::faces(findings, look));
     lines.extend(parameters::calibration(findings, look));

@@ -16,6 +16,7 @@ use crate::cli;
 pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
     let config = configuration(&args.configuration)?;
     let recording = Input::open_original(&args.input, Access::Read)?;
+    recording.edits().for_each(|edit| tracing::warn!("{edit}"));
     let channels = {
         let progress = Progress::new(&recording, stop);
         run::channels(&recording, &config, &|done| progress.watch(done))?
@@ -96,17 +97,39 @@ fn people(channels: &Channels) -> String {
     // Piped output is cut and searched line by line.
     let columns = if term.is_term() { crate::console::columns(&term) } else { usize::MAX };
     let mut lines = table.lines("", columns);
-    for used in &channels.channels {
-        if let Some(imu) = &used.configuration {
-            lines.push(String::new());
-            lines.push(format!(
-                "# To calibrate {}, put these lines into a file and pass it with -c:",
-                said(&used.channel.topic)
-            ));
-            lines.extend(imu.lines().lines().map(str::to_owned));
-        }
-    }
     lines.extend(channels.notes.iter().map(|note| said(note)));
+    if !term.is_term() {
+        // What is put into a file is a configuration.
+        lines.iter_mut().for_each(|line| *line = format!("# {line}").trim_end().to_owned());
+    }
+    for (topics, imu) in offered(channels) {
+        lines.push(String::new());
+        lines.push(format!(
+            "# To calibrate {}, put these lines into a file and pass it with -c:",
+            said(&topics.join(" and "))
+        ));
+        lines.extend(imu.lines().lines().map(str::to_owned));
+    }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The offered configurations, one table for each IMU, and the topics that it is offered for.
+fn offered(channels: &Channels) -> Vec<(Vec<&str>, ImuConfig)> {
+    let mut offered: Vec<(Vec<&str>, ImuConfig)> = Vec::new();
+    for used in &channels.channels {
+        let Some(imu) = &used.configuration else { continue };
+        let topic = used.channel.topic.as_str();
+        match offered.iter_mut().find(|(_, known)| known.topic == imu.topic && known.name == imu.name) {
+            Some((topics, known)) => {
+                topics.push(topic);
+                known.accel = known.accel.take().or_else(|| imu.accel.clone());
+                known.gyro = known.gyro.take().or_else(|| imu.gyro.clone());
+                let new: Vec<_> = imu.secondary.iter().filter(|s| !known.secondary.contains(s)).cloned().collect();
+                known.secondary.extend(new);
+            }
+            None => offered.push((vec![topic], imu.clone())),
+        }
+    }
+    offered
 }

@@ -237,7 +237,7 @@ fn stretched_text(times: f64) -> String {
 
 /// Text on a first rest of −g on z.
 fn inverted_text() -> String {
-    "the first rest reads −g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
+    "the first rest reads -g on z. In an FRD frame it should; if yours has z up, every axis has the wrong sign, which \
      rests cannot tell. The calibration holds for the readings as they are"
         .to_owned()
 }

@@ -152,9 +152,9 @@ fn text(found: &partial::Combination) -> String {
         has_bias |= matches!(term, Term::Bias(_));
         text += match (text.is_empty(), *coefficient < 0.0) {
             (true, false) => "",
-            (true, true) => "−",
+            (true, true) => "-",
             (false, false) => " + ",
-            (false, true) => " − ",
+            (false, true) => " - ",
         };
         text += &match coefficient.abs() {
             1.0 => name,
@@ -164,7 +164,7 @@ fn text(found: &partial::Combination) -> String {
     let half = HALF * found.std;
     // The decimals of the half's first two digits.
     let decimals = (1.0 - libm::floor(libm::log10(half.max(1e-9)))).clamp(0.0, 9.0) as usize;
-    let value = format!("{:.decimals$}", found.value).replace('-', "−");
+    let value = format!("{:.decimals$}", found.value);
     let unit = if has_bias { " m/s²" } else { "" };
     format!("{text} = {value} ± {half:.decimals$}{unit}")
 }
@@ -179,7 +179,7 @@ mod tests {
         (found.coefficients[0], found.coefficients[3]) = (1.0, 9.80665);
         assert_eq!(text(&found), "bias x + 9.807 · scale x = 9.873 ± 0.020 m/s²");
         (found.coefficients[3], found.value) = (-9.80665, -9.7);
-        assert_eq!(text(&found), "bias x − 9.807 · scale x = −9.700 ± 0.020 m/s²");
+        assert_eq!(text(&found), "bias x - 9.807 · scale x = -9.700 ± 0.020 m/s²");
         found.coefficients.fill(0.0);
         (found.coefficients[7], found.value, found.std) = (1.0, 1.00234, 0.000_9);
         assert_eq!(text(&found), "scale y = 1.0023 ± 0.0018");

@@ -58,7 +58,14 @@ impl Judge<'_> {
 
     /// Assigns faces to the remaining rests, by the accelerometer's calibration as known or guessed.
     pub(super) fn assign_faces(&self, entries: &mut [JudgedRest], calibration: &Calibration, poses: Poses) {
+        let mut placements: BTreeMap<u32, f64> = BTreeMap::new();
+        entries.iter().for_each(|entry| *placements.entry(entry.rest.placement).or_default() += entry.seconds);
         for JudgedRest { rest, verdict, .. } in entries {
+            // A short rest is accepted for those of its placement, with which it is long enough.
+            let with_others = placements
+                .get(&rest.placement)
+                .filter(|_| rest.seconds() < self.still.min_fit_s)
+                .map_or(String::new(), |all| format!(" of {all:.1} s at this placement"));
             if !verdict.is_at_rest() {
                 continue;
             }
@@ -80,11 +87,13 @@ impl Judge<'_> {
                     format!("{tilt:.1}° from the nearest face, {name} (limit {limit}°): was the sensor lying flat?");
                 (Reason::Tilted, explanation)
             } else if tilt > limit {
-                let explanation =
-                    format!("{tilt:.1}° from {name}, {:.1} s: the model takes any direction", rest.seconds());
+                let explanation = format!(
+                    "{tilt:.1}° from {name}, {:.1} s{with_others}: the model takes any direction",
+                    rest.seconds()
+                );
                 (Reason::Accepted, explanation)
             } else {
-                (Reason::Accepted, format!("{name} up, {:.1} s, tilt {tilt:.1}°", rest.seconds()))
+                (Reason::Accepted, format!("{name} up, {:.1} s{with_others}, tilt {tilt:.1}°", rest.seconds()))
             };
             verdict.face = Some((face, tilt));
         }
@@ -100,8 +109,9 @@ impl Judge<'_> {
     ) -> Option<(Reason, String)> {
         let accelerometer = &rest.accelerometer;
         if seconds < self.still.min_fit_s {
+            let in_all = if seconds > rest.seconds() { " in all at this placement" } else { "" };
             let explanation = format!(
-                "{seconds:.2} s of rest, {} s are needed: hold it still for {} s or more",
+                "{seconds:.2} s of rest{in_all}, {} s are needed: hold it still for {} s or more",
                 self.still.min_fit_s,
                 self.segmenter.hold_s()
             );

@@ -225,7 +225,7 @@ fn other_axes(axes: AxisOrder) -> OtherOrder {
             accelerometer: Some(axes.reversed()),
         };
     }
-    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "−" } else { "" }, NAMES[axes.from[axis]]);
+    let read = |axis: usize| format!("{}{}", if axes.flipped[axis] { "-" } else { "" }, NAMES[axes.from[axis]]);
     let kind = if axes.is_mirrored() { Misread::Gyroscope } else { Misread::Turned };
     OtherOrder::of_gyroscope(
         kind,
@@ -335,7 +335,7 @@ mod tests {
             (order(right, [true; 3]), Misread::Gyroscope, "all axes"),
             (order([1, 0, 2], [false; 3]), Misread::Gyroscope, "gyroscope's x and y axes are exchanged"),
             (order([0, 2, 1], [true; 3]), Misread::Accelerometer, "accelerometer's y and z axes are exchanged"),
-            (order([1, 0, 2], [false, true, false]), Misread::Turned, "gyroscope's y, −x, z"),
+            (order([1, 0, 2], [false, true, false]), Misread::Turned, "gyroscope's y, -x, z"),
             (order([1, 2, 0], [false; 3]), Misread::Turned, "gyroscope's y, z, x"),
         ] {
             assert!(kind == expected && text.contains(words), "{text}");

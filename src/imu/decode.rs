@@ -6,6 +6,7 @@ pub(super) mod lists;
 pub(super) mod malformed;
 mod plan;
 mod protobuf;
+pub(super) mod rewrite;
 mod walk;
 
 use std::borrow::Cow;
@@ -16,8 +17,8 @@ use self::json::Pick;
 use self::lists::Lists;
 use self::malformed::Malformed;
 use self::plan::{Plan, Rules, Sizes};
-use self::protobuf::{ProtobufPlan, alone};
-use crate::imu::schema::layout::{Layout, Number, Place, Wire};
+use self::protobuf::ProtobufPlan;
+use crate::imu::schema::layout::{Layout, Place, Wire};
 use crate::imu::schema::lookup::PathError;
 use crate::imu::schema::path::{Element, FieldPath};
 
@@ -91,62 +92,14 @@ impl Decoder {
         };
         if lists.is_over() { Err(Malformed::Long) } else { Ok(text) }
     }
-
-    /// Copies the message with changed numbers: pairs of slot (out of `count`) and value. All other bytes stay. `None`
-    /// if the message cannot be read, or a number to be changed is not floating point.
-    ///
-    /// In protobuf, where zeros are omitted, a missing number is appended: of a repeated field, the last value counts.
-    pub fn rewrite(&self, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
-        let (mut places, mut none) = (vec![f64::NAN; count], Lists::default());
-        let mut out = data.to_vec();
-        let (number, big): (Box<dyn Fn(usize) -> Option<Number> + '_>, bool) = match &self.0 {
-            Encoding::Json(pick) => return rewrite_json(pick, data, count, changes),
-            Encoding::Protobuf(protobuf) => {
-                protobuf.locate(data, &mut places, &mut none).ok()?;
-                (Box::new(|slot| protobuf.way(slot).map(|(_, number)| number)), false)
-            }
-            Encoding::Ros1(plan) => {
-                plan.walk::<false, true>(data, 0, &mut places, &mut none).ok()?;
-                (Box::new(|slot| plan.number(slot)), false)
-            }
-            Encoding::Cdr { xcdr1, xcdr2, delimited } => {
-                let (plan, big) = encapsulated(data, xcdr1, xcdr2, delimited).ok()?;
-                match big {
-                    true => plan.walk::<true, true>(data, HEADER, &mut places, &mut none).ok()?,
-                    false => plan.walk::<false, true>(data, HEADER, &mut places, &mut none).ok()?,
-                };
-                (Box::new(|slot| plan.number(slot)), big)
-            }
-        };
-        for &(slot, value) in changes {
-            let mut bytes = match number(slot)? {
-                Number::F64 => value.to_le_bytes().to_vec(),
-                Number::F32 => (value as f32).to_le_bytes().to_vec(),
-                _ => return None,
-            };
-            if big {
-                bytes.reverse();
-            }
-            match (places.get(slot), &self.0) {
-                (Some(&at), _) if at.is_finite() => {
-                    let at = at as usize;
-                    out.get_mut(at..at + bytes.len())?.copy_from_slice(&bytes);
-                }
-                (_, Encoding::Protobuf(protobuf)) => {
-                    let (way, _) = protobuf.way(slot).filter(|(way, _)| !way.is_empty())?;
-                    out.extend(alone(&way, &bytes));
-                }
-                _ => return None,
-            }
-        }
-        Some(out)
-    }
 }
 
 /// Refuses places in one element of a list of which another place wants all.
 fn unmixed(numbers: &[Place]) -> Result<(), PathError> {
     for listed in numbers {
-        let Some(depth) = listed.hops.iter().position(|hop| hop.element == Some(Element::Every)) else { continue };
+        let Some(depth) = listed.hops.iter().position(|hop| matches!(hop.element, Some(Element::Each(_)))) else {
+            continue;
+        };
         let fields = |place: &Place| place.hops.iter().take(depth + 1).map(|hop| hop.field).collect::<Vec<_>>();
         let list = fields(listed);
         let in_one = |place: &&Place| {
@@ -180,20 +133,6 @@ fn encapsulated<'p>(
         _ => return Err(Malformed::Encapsulation { identifier }),
     };
     Ok((plan, identifier.is_multiple_of(2)))
-}
-
-/// Rewrites a JSON message. Number texts vary in length, so they are replaced from the last to the first.
-fn rewrite_json(pick: &Pick, data: &[u8], count: usize, changes: &[(usize, f64)]) -> Option<Vec<u8>> {
-    let mut places = vec![None; count];
-    pick.locate(data, &mut places)?;
-    let mut changes: Vec<_> =
-        changes.iter().map(|&(slot, value)| Some((places.get(slot)?.clone()?, value))).collect::<Option<_>>()?;
-    changes.sort_by_key(|(place, _)| std::cmp::Reverse(place.start));
-    let mut out = data.to_vec();
-    for (place, value) in changes {
-        out.splice(place, serde_json::Number::from_f64(value)?.to_string().into_bytes());
-    }
-    Some(out)
 }
 
 /// Length of the encapsulation header: a representation identifier and two bytes of options.

@@ -17,7 +17,7 @@ use crate::imu::mapping::registry::{Imu, Triad, admit, is_zero, owner, warmed};
 use crate::imu::mapping::request::Request;
 use crate::imu::mapping::route::Route;
 use crate::imu::mapping::source::Source;
-use crate::imu::mapping::suggestion::Suggestion;
+use crate::imu::mapping::suggestion::{Suggestion, puzzle};
 use crate::imu::sample::{ImuId, Reading, Sample, Sensor};
 use crate::imu::schema::layout::{Layout, SchemaError};
 use crate::imu::schema::lookup::nearest;
@@ -233,8 +233,9 @@ impl Intake {
                             Err(cause) => Err(cause),
                         },
                     );
-                    if let Some(tap) = route.taps.get_mut(i) {
-                        tap.last = value.as_ref().ok().copied().flatten().map(|(id, _)| id);
+                    // Of several readings one may be refused.
+                    if let (Some(tap), Ok(Some((id, _)))) = (route.taps.get_mut(i), &value) {
+                        tap.last = Some(*id);
                     }
                     match value {
                         Ok(Some((id, value))) => {
@@ -276,25 +277,44 @@ impl Intake {
     }
 
     /// Rewrites the last message with other readings: for each IMU that reads it, the name that its topics begin with,
-    /// and the bytes. `change` maps readings to their replacements, in m/s² or rad/s. Nothing is returned if it changes
-    /// none, or if readings are integers, which cannot hold the result.
+    /// and the bytes. `change` maps readings to their replacements, in m/s² or rad/s; a message may hold several, counted
+    /// from 0. Nothing is returned if it changes none, or if a number cannot hold the result. Integers are rounded.
     pub fn rewrite(
         &self,
         channel_id: u16,
         data: &[u8],
-        mut change: impl FnMut(ImuId, Sensor, Vector3<f64>) -> Option<Vector3<f64>>,
+        mut change: impl FnMut(ImuId, Sensor, usize, Vector3<f64>) -> Option<Vector3<f64>>,
     ) -> Vec<(&str, Vec<u8>)> {
         let mut rewritten: Vec<(&str, Vec<u8>)> = Vec::new();
         for route in self.routes.get(&channel_id).into_iter().flatten() {
-            let accel = route.taps.iter().find(|tap| tap.sensor == Sensor::Accelerometer);
-            let imu = accel.and_then(|tap| self.imus.get(tap.last?.index()));
-            let name = imu.map_or(route.topic.as_str(), |imu| &imu.name);
-            let data = route.rewrite(data, |tap, value| change(tap.last?, tap.sensor, value));
+            let name = self.name_of(route);
+            let data = route.rewrite(data, |tap, reading, value| change(tap.last?, tap.sensor, reading, value));
             // A topic that several IMUs share is rewritten only for the first of the same name.
             rewritten
                 .extend(data.filter(|_| rewritten.iter().all(|(known, _)| *known != name)).map(|data| (name, data)));
         }
         rewritten
+    }
+
+    /// Steps to which readings are rounded that [`rewrite`](Self::rewrite) puts in the place of integers: by the name that
+    /// their topics begin with, the name of the triad and its largest step, in m/s² or rad/s.
+    pub fn rounding(&self) -> BTreeMap<(&str, &str), (Sensor, f64)> {
+        let mut steps: BTreeMap<(&str, &str), (Sensor, f64)> = BTreeMap::new();
+        for route in self.routes.values().flatten() {
+            for tap in route.taps.iter().filter(|tap| !matches!(tap.sensor, Sensor::Reference(_))) {
+                let Some(step) = route.step(tap) else { continue };
+                let (_, largest) = steps.entry((self.name_of(route), &*tap.name)).or_insert((tap.sensor, step));
+                *largest = largest.max(step);
+            }
+        }
+        steps
+    }
+
+    /// Name that the topics of rewritten messages begin with.
+    fn name_of<'a>(&'a self, route: &'a Route) -> &'a str {
+        let accel = route.taps.iter().find(|tap| tap.sensor == Sensor::Accelerometer);
+        let imu = accel.and_then(|tap| self.imus.get(tap.last?.index()));
+        imu.map_or(route.topic.as_str(), |imu| &imu.name)
     }
 
     /// IMUs seen so far, by [`ImuId`].
@@ -411,12 +431,7 @@ impl Intake {
             (false, ..) => ChannelRole::Used(uses),
             (true, Some(fault), _) => ChannelRole::Skipped(fault),
             (true, None, Some((imu, path))) => ChannelRole::Temperature { imu, path },
-            (true, None, None) => {
-                let vectors = [layout.vectors(), layout.listed_vectors()].concat();
-                let numbers = if vectors.is_empty() { layout.floats(NUMBERS) } else { Vec::new() };
-                let numbers = if numbers.len() < 3 { Vec::new() } else { numbers };
-                ChannelRole::Other { vectors, numbers, suggestion: Suggestion::of(topic, layout).map(Box::new) }
-            }
+            (true, None, None) => other(topic, layout),
         };
         let half = if by_itself { PairedTopic::new(topic, layout.name()) } else { None };
         match (half, known.as_slice()) {
@@ -524,6 +539,18 @@ impl Intake {
     fn is_mentioned(&self, topic: &str) -> bool {
         self.readers.contains_key(topic)
     }
+}
+
+/// Role of a channel that nothing is read from so far.
+fn other(topic: &str, layout: &Layout) -> ChannelRole {
+    let vectors = [layout.vectors(), layout.listed_vectors()].concat();
+    let suggestion = Suggestion::of(topic, layout).map(Box::new);
+    if let Some(why) = puzzle(topic, layout).filter(|_| vectors.is_empty() && suggestion.is_none()) {
+        return ChannelRole::Skipped(why);
+    }
+    let numbers = if vectors.is_empty() { layout.floats(NUMBERS) } else { Vec::new() };
+    let numbers = if numbers.len() < 3 { Vec::new() } else { numbers };
+    ChannelRole::Other { vectors, numbers, suggestion }
 }
 
 /// Whether the last message shows that its accelerometer exists.

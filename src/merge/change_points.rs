@@ -33,6 +33,8 @@ pub(super) struct Stray {
 pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<N>]) -> Vec<Vec<Stray>> {
     /// Fewest equations of a visit of which one may be called wrong.
     const MANY: usize = 6;
+    /// Share of a jump's score that is left without it: a shock along one axis shows on two faces, so more would be left.
+    const HALF: f64 = 0.5;
     /// Most jumps that are explained so.
     const MOST: usize = 8;
     let mut found = Vec::new();
@@ -50,7 +52,7 @@ pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<
                 let stray = Stray { visit, equation };
                 (left(&stray), stray)
             });
-            tried.min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(score, _)| *score < BEYOND)
+            tried.min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(score, _)| *score < BEYOND.max(HALF * jump.score))
         };
         let wrong: Vec<_> = [jump.at - 1, jump.at].into_iter().filter_map(of_visit).map(|(_, stray)| stray).collect();
         if wrong.is_empty() {

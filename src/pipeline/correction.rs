@@ -39,16 +39,16 @@ pub(crate) fn corrected<'i, 'c>(
     by: impl Fn(ImuId) -> Option<&'c Corrections>,
 ) -> Vec<(&'i str, Vec<u8>)> {
     // Accelerations first, which gyroscopes with g-sensitivity need.
-    let mut accelerations: BTreeMap<ImuId, Vector3<f64>> = BTreeMap::new();
-    intake.rewrite(message.channel, message.data, |imu, sensor, value| {
+    let mut accelerations: BTreeMap<(ImuId, usize), Vector3<f64>> = BTreeMap::new();
+    intake.rewrite(message.channel, message.data, |imu, sensor, reading, value| {
         let corrections = by(imu).filter(|corrections| corrections.need_acceleration())?;
         if sensor == Sensor::Accelerometer {
-            accelerations.insert(imu, corrections.correct_at(intake.temperature(imu), sensor, value, None)?);
+            accelerations.insert((imu, reading), corrections.correct_at(intake.temperature(imu), sensor, value, None)?);
         }
         None
     });
-    let change = |imu, sensor, value| {
-        by(imu)?.correct_at(intake.temperature(imu), sensor, value, accelerations.get(&imu).copied())
+    let change = |imu, sensor, reading, value| {
+        by(imu)?.correct_at(intake.temperature(imu), sensor, value, accelerations.get(&(imu, reading)).copied())
     };
     intake.rewrite(message.channel, message.data, change)
 }

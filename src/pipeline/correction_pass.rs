@@ -1,6 +1,7 @@
 //! Correction pass: second reading of a recording once its last calibration is known, for `corrected = "final"`.
 
 use super::correction::Corrector;
+use super::learner::rounded;
 use super::sources::Sources;
 use crate::annotate::{Annotator, Corrections};
 use crate::config::Config;
@@ -58,8 +59,9 @@ impl<'a> CorrectionPass<'a> {
         self.sources.begin_split();
     }
 
-    /// Ends the recording.
-    pub(crate) fn finish(self) -> Corrector {
-        self.corrector
+    /// Ends the recording. Returns what was written, and notes on it.
+    pub(crate) fn finish(self) -> (Corrector, Vec<String>) {
+        let notes = rounded(&self.sources.intake, &self.corrector);
+        (self.corrector, notes)
     }
 }

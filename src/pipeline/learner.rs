@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use self::engine_setup::topic_of;
 use self::imu_state::ImuState;
 pub(crate) use self::learned::Learned;
-pub(crate) use self::notes::{not_corrected, uncorrected};
+pub(crate) use self::notes::{not_corrected, rounded, uncorrected};
 use crate::annotate::Annotator;
 use crate::config::Config;
 use crate::engine;

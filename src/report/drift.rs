@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Findings, calibration, matrix, vector};
+use super::{Earlier, Findings, calibration, matrix, vector};
 use crate::fit::temperature::BiasCourse;
 use crate::fit::{Calibration, Gravity};
 use crate::messages::triad::Status;
@@ -48,10 +48,9 @@ impl Drift {
 ///
 /// # Errors
 ///
-/// If the earlier calibration has several IMUs and none has the name or topic of this one.
-pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String> {
-    let then = same(earlier, &now.name, &now.topic)
-        .ok_or_else(|| format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name))?;
+/// If the earlier calibration has none that is this one.
+pub fn drift(now: &Findings, earlier: &Earlier<'_>) -> Result<Vec<Drift>, String> {
+    let then = earlier.of(&now.name, &now.topic)?.findings;
     let (Some(now), Some(then)) = (&now.calibration, &then.calibration) else { return Ok(Vec::new()) };
     // If both took the same standard gravity, at one site, its error is the same in both scales.
     let standard = Gravity::standard();
@@ -66,15 +65,6 @@ pub fn drift(now: &Findings, earlier: &[Findings]) -> Result<Vec<Drift>, String>
     let accelerometer = accelerometer.and_then(|(now_, then)| moved(now_, then, Some(now.gravity), shared));
     let gyroscope = gyroscope.and_then(|(now, then)| moved(now, then, None, 0.0));
     Ok(accelerometer.into_iter().chain(gyroscope).chain(secondary).collect())
-}
-
-/// The findings of an IMU in an earlier calibration: by name or topic, or the only ones there are.
-pub fn same<'a>(earlier: &'a [Findings], name: &str, topic: &str) -> Option<&'a Findings> {
-    let named = |then: &&Findings| then.name == name || !then.topic.is_empty() && then.topic == topic;
-    match earlier {
-        [only] => Some(only),
-        several => several.iter().find(named),
-    }
 }
 
 /// Drift of a triad. Both scales contain a common relative error with standard deviation `shared`, which counts once.

@@ -46,7 +46,7 @@ pub fn export(findings: &[Findings], format: Format, options: &Options) -> Resul
     if let Some(walk) = options.random_walk.filter(|&walk| !format.takes(walk)) {
         let formats: Vec<_> = Format::ALL.iter().filter(|other| other.takes(walk)).map(|other| other.name).collect();
         let formats = formats.join(" and ");
-        return Err(ExportError::Refused(format!("this --random-walk is of use to --format {formats} alone")));
+        return Err(ExportError::Option(format!("this --random-walk is of use to --format {formats} alone")));
     }
     match options.imu {
         Some(_) => (format.write)(std::slice::from_ref(one(findings, options)?), options),

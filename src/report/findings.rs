@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 
 use crate::engine::{Event, Message};
+use crate::messages::segment::Reason;
 use crate::messages::triad::Status;
-use crate::messages::{Calibration, Coverage, Noise, Segment, Triad, Turn};
+use crate::messages::{Calibration, Combination, Coverage, Noise, Segment, Triad, Turn};
 
-use super::{NearMisses, Weight, calibration, vector, weight};
+use super::{NearMiss, NearMisses, Weight, calibration, vector, weight};
 
 /// Findings of one IMU.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,6 +64,45 @@ impl Findings {
     /// Rests that did not enter the fit, in time order.
     pub fn rejected(&self) -> impl Iterator<Item = &Segment> {
         self.rests.values().filter(|rest| !rest.accepted)
+    }
+
+    /// Face that was up while it was nearly at rest, as far as the bias is known; `None` off every face, or without readings.
+    pub fn face_of(&self, miss: &NearMiss) -> Option<&str> {
+        /// Largest angle to the normal of a face, degrees: beyond that it stood on an edge.
+        const NEAR: f64 = 30.0;
+        let accelerometer = self.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
+        let (force, ..) = self.near_misses.told(miss)?;
+        let up =
+            accelerometer.and_then(calibration).map_or(force, |known| known.correct(&force)).try_normalize(1e-9)?;
+        let faces = self.coverage.iter().flat_map(|coverage| &coverage.faces);
+        let near = faces.filter_map(|face| Some((vector(face.normal.as_ref()?).dot(&up), face)));
+        let (cosine, face) = near.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        (cosine > NEAR.to_radians().cos()).then_some(face.name.as_str())
+    }
+
+    /// Sensor that kept a near miss from being a rest: the one that was the louder, compared with its rests; `None` without
+    /// readings or rests.
+    pub fn sensor_of(&self, miss: &NearMiss) -> Option<&'static str> {
+        let usual = |sensor: &str| {
+            let means = self.rests.values().flat_map(|rest| &rest.means).filter(|mean| mean.sensor == sensor);
+            let mut all: Vec<_> = means.filter_map(|mean| Some(vector(mean.std.as_ref()?).norm())).collect();
+            all.sort_by(f64::total_cmp);
+            all.get(all.len() / 2).copied().filter(|usual| *usual > 0.0)
+        };
+        let (_, force, rate) = self.near_misses.told(miss)?;
+        let (force, rate) = (force / usual("accelerometer")?, rate? / usual("gyroscope")?);
+        Some(if force > rate { "accelerometer" } else { "gyroscope" })
+    }
+
+    /// Whether a rest that was rejected still counts for what is known of the accelerometer in part: one off every face, where
+    /// no accurate fixture is asked for.
+    pub fn is_used_in_part(&self, rest: &Segment) -> bool {
+        let accelerometer = self.calibration.as_ref().and_then(|found| found.accelerometer.as_ref());
+        let known = accelerometer.map_or(&[][..], |triad| &triad.combinations);
+        // S beside its diagonal is asked for by models of accurate fixtures alone.
+        let beside =
+            |known: &Combination| (3..12).any(|i| i % 4 != 3 && known.coefficients.get(i).is_some_and(|c| *c != 0.0));
+        rest.reason() == Reason::Tilted && !known.is_empty() && !known.iter().any(beside)
     }
 
     /// Whether the accelerometer was calibrated.

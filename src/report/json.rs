@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Account, Change, Drift, Findings, SHIFTED, SUSPICIOUS, account, drift, model};
+use super::{Account, Change, Drift, Earlier, Findings, SHIFTED, SUSPICIOUS, account, drift, model};
 use crate::messages::{AxisNoise, Combination, Coverage, TemperatureModel, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
@@ -19,7 +19,7 @@ pub fn rests<'a>(findings: impl IntoIterator<Item = &'a Findings>) -> Value {
 }
 
 /// Drifts of an IMU since an earlier calibration, and what its rests say of that: lists of triads, or an error.
-pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
+pub fn drifts(now: &Findings, earlier: &Earlier<'_>) -> Value {
     let changes = |changes: &Option<[Change; 3]>| {
         changes.map(|changes| json!({"by": changes.map(|change| change.by), "std": changes.map(|change| change.std)}))
     };
@@ -35,12 +35,19 @@ pub fn drifts(now: &Findings, earlier: &[Findings]) -> Value {
     match (drift(now, earlier), account(now, earlier)) {
         (Ok(drifts), Ok(accounts)) => json!({
             "topic": now.topic,
+            "compared_with": compared_with(now, earlier),
             "triads": drifts.iter().map(one).collect::<Value>(),
             "at_rests": accounts.iter().map(at_rests).collect::<Value>(),
             "false_alarms": {"suspicious": SUSPICIOUS, "shifted": SHIFTED},
         }),
         (Err(why), _) | (_, Err(why)) => json!({"topic": now.topic, "error": why}),
     }
+}
+
+/// Name of the IMU that one is compared with; `null` where the earlier calibration has no name.
+fn compared_with(now: &Findings, earlier: &Earlier<'_>) -> Value {
+    let counterpart = earlier.of(&now.name, &now.topic);
+    counterpart.map_or(Value::Null, |counterpart| json!(text(&counterpart.findings.name)))
 }
 
 /// An earlier calibration of a triad at the rests of a recording.

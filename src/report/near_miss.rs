@@ -1,6 +1,10 @@
 //! Near misses: spans in which a sensor was nearly at rest, but not quiet enough or not long enough for a rest.
 
+use nalgebra::Vector3;
+
+use super::calm::Calm;
 use super::nanos;
+use crate::imu::{Sample, Sensor};
 use crate::messages::Stillness;
 use crate::messages::stillness::State;
 
@@ -9,6 +13,9 @@ const KEPT: usize = 100;
 
 /// A nearly still span of at most this length right after a rest is the transition out of it, ns.
 const TRANSITION: i64 = 2_000_000_000;
+
+/// Length of the window that the statistic is of, ns, about.
+const WINDOW: i64 = 250_000_000;
 
 /// Shortest span that a higher threshold may turn into a rest, ns.
 const LASTING: i64 = 1_500_000_000;
@@ -35,9 +42,20 @@ pub struct NearMisses {
     open: Option<(NearMiss, bool)>,
     /// Whether the last state was a rest.
     rested: bool,
+    /// Readings of accelerometer and gyroscope.
+    readings: [Calm; 2],
 }
 
 impl NearMisses {
+    /// Takes a reading. Without any, near misses have no face and no sensor.
+    pub(crate) fn sample(&mut self, sensor: Sensor, sample: &Sample) {
+        match sensor {
+            Sensor::Accelerometer => self.readings[0].push(sample),
+            Sensor::Gyroscope => self.readings[1].push(sample),
+            _ => {}
+        }
+    }
+
     /// Takes the next state. A span that ends in a rest is no near miss, nor is the transition out of a rest.
     pub(super) fn note(&mut self, said: &Stillness) {
         let stamp = said.header.as_ref().map(|header| nanos(&header.stamp)).unwrap_or_default();
@@ -60,6 +78,16 @@ impl NearMisses {
         self.rested = said.state() == State::Still;
     }
 
+    /// Mean of the accelerometer's readings, m/s², where a near miss was quietest, and the deviations √(Σ variance of the axes)
+    /// of accelerometer and gyroscope there, m/s² and rad/s; `None` without readings.
+    pub(super) fn told(&self, miss: &NearMiss) -> Option<(Vector3<f64>, f64, Option<f64>)> {
+        let [accelerometer, gyroscope] = &self.readings;
+        // The first state may tell of a window that began before.
+        let (at, force) = accelerometer.quietest(miss.start.saturating_sub(WINDOW), miss.end)?;
+        let rate = gyroscope.quietest(at, at).map(|(_, rate)| rate.deviation());
+        Some((force.mean, force.deviation(), rate))
+    }
+
     /// The spans that are kept.
     pub fn iter(&self) -> impl Iterator<Item = &NearMiss> {
         self.all.iter()
@@ -75,8 +103,9 @@ impl NearMisses {
         let mut lowest: Vec<_> = self.all.iter().map(|miss| miss.lowest).collect();
         lowest.sort_by(f64::total_cmp);
         let middle = lowest.get(lowest.len() / 2)?;
-        let mut lasting: Vec<_> =
-            self.all.iter().filter(|miss| miss.end - miss.start >= LASTING).map(|miss| miss.lowest).collect();
+        // One that was quiet enough needs no other threshold.
+        let lasts = |miss: &&NearMiss| miss.end - miss.start >= LASTING && miss.lowest >= miss.enter;
+        let mut lasting: Vec<_> = self.all.iter().filter(lasts).map(|miss| miss.lowest).collect();
         lasting.sort_by(f64::total_cmp);
         if self.all.iter().all(|miss| *middle < miss.enter) {
             return Some("hold it still for longer: it was quiet enough, but not for long enough".to_owned());
@@ -119,6 +148,10 @@ mod tests {
         let expected = NearMiss { start: second, end: 3 * second, lowest: 3.6, enter: 3.0 };
         assert_eq!(found.iter().copied().collect::<Vec<_>>(), [expected]);
         assert!(found.advice().unwrap().contains("still.enter=4 --set still.leave=6"));
+        // What was quiet enough and lasted does not ask for the threshold that it has.
+        let short = [(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 90.0)];
+        let one = [&short[..], &short, &[(Moving, 2.8), (Moving, 4.4), (Moving, 4.4), (Moving, 90.0)]].concat();
+        assert!(misses(&one).advice().is_some_and(|advice| !advice.contains("--set")), "{:?}", misses(&one).advice());
         let brief = misses(&[(Moving, 90.0), (Moving, 4.1), (Moving, 3.6), (Moving, 90.0)]);
         assert!(brief.advice().is_some_and(|advice| !advice.contains("--set")), "{:?}", brief.advice());
         let short = misses(&[(Moving, 90.0), (Moving, 4.1), (Moving, 2.9), (Moving, 90.0)]);

@@ -23,7 +23,7 @@ use maud::{Markup, PreEscaped, html};
 use self::elements::{breakable, notes};
 use self::imu::Imu;
 use super::calendar::{date, duration};
-use super::{Findings, Timeline};
+use super::{Earlier, Findings, Timeline};
 use crate::printable;
 
 /// Content of a report.
@@ -100,6 +100,8 @@ impl Page<'_> {
 
     fn imu(&self, timeline: &Timeline) -> Markup {
         let imu = Imu::new(timeline);
+        let recorded = self.timelines.iter().map(|timeline| &timeline.findings);
+        let earlier = self.earlier.map(|earlier| Earlier::new(earlier, recorded));
         // Of many recordings there are no readings, and no one command.
         let is_one = timeline.course.is_none();
         let sections = [
@@ -107,8 +109,8 @@ impl Page<'_> {
             course::course(&imu),
             is_one.then(|| signal::acceleration(&imu)).flatten(),
             faces::section(&imu),
-            Some(numbers::section(&imu, self.earlier)),
-            self.earlier.map(|earlier| account::section(&imu, earlier)),
+            Some(numbers::section(&imu, earlier.as_ref())),
+            earlier.as_ref().map(|earlier| account::section(&imu, earlier)),
             paste::section(&imu, is_one.then_some(self.recording)),
             residuals::at_rest(&imu),
             residuals::of_turns(&imu),

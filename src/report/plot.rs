@@ -77,10 +77,10 @@ fn round_step(range: f64, parts: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= raw).unwrap_or(raw)
 }
 
-/// Number with the decimals that its step needs, and a typographic minus.
+/// Number with the decimals that its step needs.
 fn number(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}").replace('-', "−")
+    format!("{value:.decimals$}")
 }
 
 /// Seconds as minutes or hours on a clock.
@@ -223,7 +223,7 @@ mod tests {
     #[test]
     fn ticks_are_round_and_few() {
         let names = |scale: Scale| scale.ticks().into_iter().map(|(_, name)| name).collect::<Vec<_>>();
-        assert_eq!(names(Scale::linear(-11.0, 12.0, 0.0)), ["−10", "−5", "0", "5", "10"]);
+        assert_eq!(names(Scale::linear(-11.0, 12.0, 0.0)), ["-10", "-5", "0", "5", "10"]);
         assert_eq!(names(Scale::linear(0.0, 0.05, 0.0)), ["0.00", "0.01", "0.02", "0.03", "0.04", "0.05"]);
         assert_eq!(names(Scale::decades(0.5, 300.0)), ["0.1", "1", "10", "100", "1000"]);
         for range in [1e-9, 0.003, 7.0, 86_400.0, 3e7] {

@@ -71,6 +71,7 @@ impl Timeline {
             Sensor::Reference(_) => return,
         };
         outline.push(sample.stamp, sample.value.into());
+        self.findings.near_misses.sample(sensor, sample);
     }
 
     /// First and last known stamp.

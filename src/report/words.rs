@@ -49,7 +49,7 @@ pub fn weight(note: &str) -> Weight {
         "with as many placements as unknowns",
         "without one of the turns",
         "the noise is below half a step",
-        "the first rest reads −g",
+        "the first rest reads ",
         "waits for ",
         "not seen at rest: ",
         "its bias is not known",

@@ -122,7 +122,9 @@ fn annotate_in_order(
             drop((output, unwritten, sidecar, target));
             return annotate_in_order(input, outputs, (config, mark), options, watch, Some(apart));
         }
-        if let Some(note) = annotated_before(splits.learner.sources()).filter(|_| !alone) {
+        // What is annotated once more says that it was edited, too.
+        let note = || annotated_before(splits.learner.sources()).or_else(|| split.edit());
+        if let Some(note) = note().filter(|_| !alone) {
             tracing::warn!("{}: {note}", split.path().display());
         }
         profile.get_or_insert_with(|| inventory.profile().to_owned());
@@ -274,7 +276,8 @@ fn correct_all(
         correcting.keep()?;
         done += split.length();
     }
-    let corrector = pass.finish();
+    let (corrector, notes) = pass.finish();
+    learned.notes.extend(notes);
     let stuck = learned.imus.iter().filter(|imu| known(imu).is_some() && !corrector.has_written(&imu.name));
     learned.notes.extend(stuck.map(not_corrected));
     Ok(())

@@ -18,7 +18,7 @@ pub struct Config {
     pub leave: f64,
     /// Shortest rest that is reported, s.
     pub min_rest_s: f64,
-    /// Shortest rest that enters the fit, s.
+    /// Least time at rest of a placement that enters the fit, in one rest or several, s.
     pub min_fit_s: f64,
     /// Longest rest, s; longer ones are split.
     pub max_duration_s: f64,

@@ -130,6 +130,73 @@ fn every_message_is_corrected_by_the_last_calibration_whatever_its_encoding() {
     }
 }
 
+/// Messages of a JSON recording, so many in a list of each.
+fn packed(file: &[u8], each: usize) -> Vec<u8> {
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut out).unwrap();
+    let channel_id = writer.add_channel(0, "/imu/packets", "json", &BTreeMap::new()).unwrap();
+    let all: Vec<_> = mcap::MessageStream::new(file).unwrap().map(|message| message.unwrap()).collect();
+    for (i, packet) in all.chunks(each).enumerate() {
+        let text: Vec<_> = packet.iter().map(|message| std::str::from_utf8(&message.data).unwrap()).collect();
+        let (log_time, sequence) = (packet[packet.len() - 1].log_time, i as u32);
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
+        let data = format!("{{\"readings\": [{}], \"kept\": {i}}}", text.join(", "));
+        writer.write_to_known_channel(&header, data.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    out.into_inner()
+}
+
+#[test]
+fn each_reading_of_a_message_that_holds_several_is_corrected() {
+    let folder = Folder::new();
+    folder.say("simulate demo -o x.mcap -q --set recording.encoding=json").ok();
+    folder.write("packets.mcap", &packed(&folder.read("x.mcap"), 7));
+    let map = "imu=[{topic='/imu/packets', accel='readings[*].accel', gyro='readings[*].gyro'}]";
+    for form in ["final", "causal"] {
+        let set = format!("output.corrected={form}");
+        let arguments =
+            ["annotate", "packets.mcap", "-o", "out.mcap", "--force", "--json", "-q", "--set", map, "--set", &set];
+        let run = folder.run(arguments).ok().json();
+        let file = folder.read("out.mcap");
+        let of = |topic: &str| -> BTreeMap<u64, Value> {
+            let all = mcap::MessageStream::new(&file).unwrap().map(|message| message.unwrap());
+            let own = all.filter(|message| message.channel.topic == topic);
+            own.map(|message| (message.log_time, serde_json::from_slice(&message.data).unwrap())).collect()
+        };
+        let (source, corrected) = (of("/imu/packets"), of("/imu/packets/stillpoint/corrected"));
+        assert!(corrected.len() > 50 && (form == "causal" || corrected.len() == source.len()), "{}", corrected.len());
+        let last = *corrected.keys().last().unwrap();
+        for (log_time, after) in &corrected {
+            let before = &source[log_time];
+            assert_eq!(before["kept"], after["kept"]);
+            let readings = |message: &Value| message["readings"].as_array().unwrap().clone();
+            assert_eq!(readings(before).len(), readings(after).len());
+            for (before, after) in readings(before).iter().zip(&readings(after)) {
+                assert_eq!(before["stamp"], after["stamp"]);
+                for (name, triad) in [("accel", "accelerometer"), ("gyro", "gyroscope")] {
+                    let vector = |value: &Value| {
+                        Vector3::from_iterator(["x", "y", "z"].map(|axis| value[axis].as_f64().unwrap()))
+                    };
+                    let expected = truth(&run["imus"][0][triad], &vector(&before[name]));
+                    match form {
+                        "final" => assert!((vector(&after[name]) - expected).norm() < 1e-11, "{before} {after}"),
+                        // By the last calibration before, none of which is far from the last.
+                        _ if *log_time == last => {
+                            assert!((vector(&after[name]) - expected).norm() < 0.05, "{before} {after}");
+                            assert_ne!(before[name], after[name]);
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        folder.say("strip out.mcap -o back.mcap -q --force").ok();
+        assert!(folder.read("back.mcap") == folder.read("packets.mcap"));
+    }
+}
+
 #[test]
 fn a_causal_correction_begins_with_the_first_calibration_and_follows_each() {
     let folder = Folder::with_demo();

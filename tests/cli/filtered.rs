@@ -76,6 +76,36 @@ fn new_annotations_beside_old_ones_of_a_copy_are_told() {
     assert_eq!(report["imus"][0]["topic"], "/imu", "{report}");
 }
 
+/// Warnings on what was done to a recording before.
+fn before(said: &str) -> Vec<&str> {
+    let told =
+        |line: &&str| line.starts_with("warning: ") && (line.contains("annotated") || line.contains("annotations"));
+    said.lines().filter(told).collect()
+}
+
+#[test]
+fn a_copy_that_carries_our_metadata_is_told_once() {
+    let (folder, bytes) = annotated("");
+    folder.write("whole.mcap", &copied(&bytes, |_| true, true));
+    folder.write("alone.mcap", &copied(&bytes, |topic| !topic::is_annotation(topic), true));
+    let (annotate, tail) = ("annotate -o again.mcap --force", "tail -o again.mcap --force");
+    for (name, commands, words) in [
+        ("whole.mcap", &[annotate, tail][..], "holds annotations of an earlier run"),
+        ("alone.mcap", &[annotate], "was annotated, then edited by another program"),
+    ] {
+        for command in commands {
+            let run = folder.run(format!("{command} {name}").split_whitespace().chain(["--set", MAPPED])).ok();
+            let warnings = before(&run.stderr);
+            assert_eq!(warnings.len(), 1, "{command} {name}: {warnings:?}");
+            assert!(warnings[0].contains(words), "{warnings:?}");
+        }
+        let run = folder.run(["topics", name, "--set", MAPPED]).ok();
+        let warnings = before(&run.stderr);
+        assert_eq!(warnings.len(), 1, "topics {name}: {warnings:?}");
+        assert!(warnings[0].contains("was annotated, then edited by another program"), "{warnings:?}");
+    }
+}
+
 #[test]
 fn corrected_messages_and_the_log_are_annotations_too() {
     let (folder, bytes) = annotated("--set output.corrected=final");

@@ -9,6 +9,7 @@ mod hand;
 mod session;
 
 mod batches;
+mod compared;
 mod containers;
 mod contributing;
 mod filtered;
@@ -26,6 +27,7 @@ mod refused;
 mod results;
 mod rooms;
 mod rosbag2;
+mod said;
 mod shell;
 mod splits;
 mod terminal;

@@ -234,6 +234,78 @@ fn standard_input_that_is_no_calibration_is_refused() {
 }
 
 #[test]
+fn a_mistake_in_the_command_line_is_one_line_with_what_helps() {
+    let folder = Folder::with_demo();
+    for (line, words) in [
+        ("annotat demo.mcap", &["unrecognized subcommand 'annotat'", "'annotate'", "see stillpoint --help"][..]),
+        (
+            "annotate demo.mcap --forc",
+            &["unexpected argument '--forc' found", "'--force'", "see stillpoint annotate --help"],
+        ),
+        ("annotate", &["required arguments were not provided: <INPUT>", "see stillpoint annotate --help"]),
+        ("export demo.mcap", &["not provided: --format <FORMAT>", "see stillpoint export --help"]),
+        (
+            "export demo.mcap --format jsn",
+            &[
+                "invalid value 'jsn' for '--format <FORMAT>'",
+                "possible values: json, yaml",
+                "'json'",
+                "stillpoint export --help",
+            ],
+        ),
+        ("export demo.mcap --format", &["a value is required for '--format <FORMAT>'"]),
+        (
+            "annotate demo.mcap -o a --out-dir b",
+            &["'--output <OUT>' cannot be used with '--out-dir <DIR>'", "stillpoint annotate --help"],
+        ),
+        ("annotate demo.mcap --quiet=yes", &["unexpected value 'yes' for '--quiet'"]),
+        ("config shw", &["unrecognized subcommand 'shw'", "'show'", "see stillpoint config --help"]),
+        (
+            "strip demo.mcap -o a -o b",
+            &["'--output <OUT>' cannot be used multiple times", "see stillpoint strip --help"],
+        ),
+        ("-v -q topics demo.mcap", &["cannot be used with"]),
+        ("simulate demo -o x.mcap --set", &["a value is required for '--set <KEY=VALUE>'"]),
+    ] {
+        folder.refuses(line, 2, words);
+    }
+    // Help that is asked for, and that of no command at all, is as it was.
+    for (line, code) in
+        [("--help", 0), ("annotate --help", 0), ("help annotate", 0), ("--version", 0), ("config", 2), ("", 2)]
+    {
+        let run = folder.say(line);
+        assert_eq!(run.code, code, "{line}");
+        let said = if code == 0 { run.stdout } else { run.stderr };
+        assert!(
+            !said.contains("error:") && said.contains(if line == "--version" { "stillpoint " } else { "Usage: " }),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn a_short_rest_is_accepted_for_its_placement_and_says_so() {
+    let folder = Folder::with_demo();
+    // Rests of 2.8 s are cut in two, of which the second is shorter than what enters the fit.
+    let run = folder.say("annotate demo.mcap --set still.max_duration_s=2 --json").ok().json();
+    assert!(run["rests"]["accepted"].as_u64() > Some(9), "{}", run["rests"]);
+    let text = folder.say("report demo.annotated.mcap -o page.html").ok();
+    assert_eq!(text.code, 0);
+    let bytes = folder.read("demo.annotated.mcap");
+    let segments = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap());
+    let segments = segments.filter(|message| message.channel.topic.ends_with("/stillpoint/segment"));
+    let said: Vec<_> = segments.map(|message| String::from_utf8_lossy(&message.data).into_owned()).collect();
+    let short = said.iter().filter(|said| said.contains(" s of 2.") && said.contains(" s at this placement, tilt"));
+    assert!(short.count() > 3, "{said:?}");
+    // And what is too short in all says how long it was.
+    let run = folder.say(
+        "annotate demo.mcap --force --set still.max_duration_s=2 --set still.min_rest_s=0.2 --set still.min_fit_s=1.9",
+    );
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(!run.stderr.contains("TOO_SHORT"), "{}", run.stderr);
+}
+
+#[test]
 fn a_rotation_that_is_declared_wrongly_is_said_and_does_no_harm() {
     let folder = Folder::with_demo();
     let plain = folder.say("annotate demo.mcap --json").ok();
@@ -276,5 +348,6 @@ fn a_file_where_a_folder_should_be_is_named() {
     let folder = Folder::with_demo();
     folder.write("out", b"");
     folder.refuses("annotate demo.mcap --out-dir out", 1, &["out: is a file", "name a folder"]);
+    folder.refuses("man out --force", 1, &["out: is a file", "name a folder"]);
     folder.refuses("man out", 1, &["out: is a file", "name a folder"]);
 }

@@ -55,6 +55,42 @@ fn imus(run: Run) -> Value {
     run.ok().json()["imus"].clone()
 }
 
+/// Runs the program where a process may have so many files open.
+fn limited(folder: &Folder, files: usize, line: &str) -> Run {
+    let command = format!("ulimit -n {files} && exec {} {line}", program());
+    finish(std::process::Command::new("sh").args(["-c", &command]).current_dir(folder.path()))
+}
+
+#[test]
+fn a_folder_of_more_files_than_may_be_open_is_refused_by_name_and_one_less_is_annotated() {
+    const FILES: usize = 60;
+    let folder = Folder::with_demo();
+    std::fs::create_dir(folder.path().join("bag")).unwrap();
+    let files = split(&folder.read("demo.mcap"), &[1; FILES]);
+    let names: Vec<String> = (0..FILES).map(|n| format!("bag_{n:02}.mcap")).collect();
+    names.iter().zip(&files).for_each(|(name, file)| folder.write(&format!("bag/{name}"), file));
+    folder.write("bag/metadata.yaml", bag_metadata(&names).as_bytes());
+    let joined = names.iter().map(|name| format!("bag/{name}")).collect::<Vec<_>>().join(" ");
+    for (limit, line, needed) in [
+        (64, "annotate bag --sidecar".to_owned(), "ulimit -n 84"),
+        (64, format!("annotate --join {joined} --out-dir out"), "ulimit -n 84"),
+        (100, "annotate bag --in-place".to_owned(), "ulimit -n 144), or write a copy (-o)"),
+    ] {
+        let run = limited(&folder, limit, &line);
+        assert_eq!(run.code, 1, "{line}: {}", run.stderr);
+        for words in ["60 files are one recording", needed, &format!("this process may open {limit}")] {
+            assert!(run.error().contains(words), "{line}: no {words} in {}", run.stderr);
+        }
+    }
+    // What is said to suffice does.
+    limited(&folder, 84, "annotate bag --sidecar -q").ok();
+    limited(&folder, 84, "annotate bag -o copy -q").ok();
+    limited(&folder, 144, "annotate bag --in-place -q").ok();
+    same_folders(&folder.path().join("bag"), &folder.path().join("copy"));
+    limited(&folder, 200, "strip bag -o back -q").ok();
+    names.iter().zip(&files).for_each(|(name, file)| assert!(folder.read(&format!("back/{name}")) == *file, "{name}"));
+}
+
 #[test]
 fn a_folder_teaches_what_its_files_in_one_would() {
     let folder = with_bag();

@@ -27,6 +27,21 @@ fn bash_completes_verbs_options_and_choices() {
 }
 
 #[test]
+fn pages_that_exist_are_replaced_on_request_alone() {
+    let folder = Folder::new();
+    folder.say("man .").ok();
+    let page = folder.read("stillpoint-annotate.1");
+    // The same once more is nothing to do.
+    folder.say("man .").ok();
+    folder.write("stillpoint-annotate.1", b"precious");
+    std::fs::remove_file(folder.path().join("stillpoint.1")).unwrap();
+    folder.refuses("man .", 1, &["stillpoint-annotate.1: exists", "--force"]);
+    folder.say("man . --force").ok();
+    assert_eq!(folder.read("stillpoint-annotate.1"), page);
+    assert!(folder.names().contains(&"stillpoint.1".to_owned()));
+}
+
+#[test]
 fn every_verb_has_a_page() {
     let folder = Folder::new();
     folder.say("man pages").ok();

@@ -68,6 +68,69 @@ fn the_unit_of_gravity_is_told_from_the_readings_and_that_of_a_gyroscope_is_unco
 }
 
 #[test]
+fn what_topics_prints_into_a_file_is_a_configuration() {
+    let folder = Folder::new();
+    let highg = |i| json!({"acceleration": {"x": noise(i, 1.0), "y": 0.1, "z": 9.8 + noise(i, 2.2)}});
+    let text = |_| json!({"text": "hello"});
+    recording(
+        &folder,
+        &[
+            ("/front", &|i| sample(i, 9.81, 1.0)),
+            ("/rear", &|i| sample(i + 1000, 1.0, 1.0)),
+            ("/highg/acceleration", &highg),
+            ("/other", &text),
+        ],
+    );
+    let shown = folder.say("topics raw.mcap").ok().stdout;
+    folder.write("imu.toml", shown.as_bytes());
+    for said in ["# /other", "not an IMU", "topic = \"/front\"", "topic = \"/rear\"", "unit = \"g\""] {
+        assert!(shown.contains(said), "{said} is not in {shown}");
+    }
+    folder.say("config check imu.toml").ok();
+    let imus = folder.say("annotate raw.mcap -c imu.toml -o out.mcap --json").ok().json()["imus"].clone();
+    let topics: Vec<_> = imus.as_array().unwrap().iter().map(|imu| imu["topic"].as_str().unwrap()).collect();
+    assert!(topics.contains(&"/front") && topics.contains(&"/rear"), "{topics:?}");
+    // Where nothing is offered, there are comments alone.
+    let demo = Folder::with_demo();
+    let shown = demo.say("topics demo.mcap").ok().stdout;
+    assert!(shown.lines().all(|line| line.is_empty() || line.starts_with('#')), "{shown}");
+}
+
+#[test]
+fn a_large_bias_is_no_unit_and_no_reading_as_it_should_be() {
+    let folder = Folder::new();
+    let biased = |by: f64| {
+        move |i| {
+            let mut value = sample(i, 9.81, 1.0);
+            value["accel"]["z"] = json!(value["accel"]["z"].as_f64().unwrap() + by);
+            value
+        }
+    };
+    let (small, off, large, far) = (biased(0.1), biased(1.0), biased(1.6), biased(-3.0));
+    recording(&folder, &[("/small", &small), ("/off", &off), ("/large", &large), ("/far", &far)]);
+    let remarks = |topic| said(&folder, "", topic)["remarks"].to_string();
+    for (topic, says) in [
+        ("/small", "reads 9.91 m/s² at rest, as it should"),
+        (
+            "/off",
+            "reads 10.81 m/s² at rest, where gravity is 9.81: in m/s², with a bias or a scale that is off by as much",
+        ),
+        (
+            "/large",
+            "reads 11.41 m/s² where it is quietest, and gravity is 9.81: no other unit would read so; a large bias",
+        ),
+        (
+            "/far",
+            "reads 6.81 m/s² where it is quietest, and gravity is 9.81: no other unit would read so; a large bias",
+        ),
+    ] {
+        let remarks = remarks(topic);
+        assert!(remarks.contains(says) && !remarks.contains("gravity removed"), "{topic}: {remarks}");
+        assert_eq!(remarks.contains("as it should"), topic == "/small", "{remarks}");
+    }
+}
+
+#[test]
 fn readings_that_no_unit_explains_are_said_to_be_so() {
     let folder = Folder::new();
     recording(&folder, &[("/free", &|i| sample(i, 0.3, 1.0)), ("/mg", &|i| sample(i, 1000.0, 1.0))]);

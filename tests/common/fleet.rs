@@ -186,7 +186,8 @@ impl Truth {
         self.recording_of(rng, at, faces, &USUAL)
     }
 
-    fn recording_of(&self, rng: &mut impl Rng, at: i64, faces: usize, population: &Population) -> Findings {
+    /// Recording of a sensor of some population.
+    pub fn recording_of(&self, rng: &mut impl Rng, at: i64, faces: usize, population: &Population) -> Findings {
         let mut all: Vec<_> = (0..6).map(|k| (k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
         all.shuffle(rng);
         let shared = population.scatter * population.common.sqrt();

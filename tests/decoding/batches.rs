@@ -9,7 +9,7 @@ use stillpoint::record::{Channel, Schema};
 use super::intake::{Door, channel, px4, px4_schema, schema};
 
 /// What depthai-core 3 says of its messages.
-const DEPTHAI: &str = r#"syntax = "proto3"; package dai.proto.imu_data;
+pub(super) const DEPTHAI: &str = r#"syntax = "proto3"; package dai.proto.imu_data;
     message Timestamp { int64 sec = 1; int64 nsec = 2; }
     message IMUVec { float x = 1; float y = 2; float z = 3; }
     message IMUReport { int32 sequence = 1; Timestamp ts = 3; Timestamp tsDevice = 4; }
@@ -31,11 +31,11 @@ pub(super) fn offered(role: &ChannelRole) -> String {
     suggestion.config(None).lines()
 }
 
-const FIFO: &str = "uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 dt\nfloat32 scale\n\
+pub(super) const FIFO: &str = "uint64 timestamp\nuint64 timestamp_sample\nuint32 device_id\nfloat32 dt\nfloat32 scale\n\
                     uint8 samples\nint16[32] x\nint16[32] y\nint16[32] z\nuint8 ORB_QUEUE_LENGTH = 4\n";
 
 /// A FIFO of px4_msgs that claims so many readings; the n-th counts n along the last axis.
-fn fifo(micros: f64, device: f64, claimed: f64) -> Vec<u8> {
+pub(super) fn fifo(micros: f64, device: f64, claimed: f64) -> Vec<u8> {
     let head = [(micros + 9.0, 'Q'), (micros, 'Q'), (device, 'I'), (250.0, 'f'), (0.5, 'f'), (claimed, 'B')];
     let axis = |of: fn(f64) -> f64| (0..32).map(move |n| (of(f64::from(n)), 'h'));
     px4(&head.into_iter().chain(axis(|_| 2.0)).chain(axis(|_| -4.0)).chain(axis(|n| n)).collect::<Vec<_>>())

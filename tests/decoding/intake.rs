@@ -543,7 +543,7 @@ fn axes_that_are_set_are_taken_in_their_order_and_written_back_in_the_messages_o
     door.message(1, 1, &data);
     assert_eq!(door.samples[0].2.value.as_slice(), [0.2, -0.1, 0.3]);
     assert_eq!(door.samples[1].2.value.as_slice(), [1.0, 2.0, 9.8]);
-    let change = |_, sensor, _| (sensor == Gyroscope).then_some([4.0, 5.0, 6.0].into());
+    let change = |_, sensor, _, _| (sensor == Gyroscope).then_some([4.0, 5.0, 6.0].into());
     let rewritten = door.intake.rewrite(1, &data, change);
     let expected = message((1, 0), "link", &[-5.0, 4.0, 6.0, 0.0, 1.0, 2.0, 9.8, 0.0]);
     assert!(rewritten == [("/imu", expected)], "{rewritten:?}");

@@ -15,6 +15,7 @@ mod json;
 mod lists;
 mod protobuf;
 mod recordings;
+mod rewritten;
 mod rosmsg;
 
 /// So many cases, unless `PROPTEST_CASES` says how many.

@@ -127,7 +127,7 @@ fn what_is_replaced_with_force_or_made_again_replaces_a_link_itself() {
     }
     folder.say("annotate demo.mcap -q -o out.mcap --force").ok();
     folder.say("report demo.mcap -o page.html --force").ok();
-    folder.say("man man").ok();
+    folder.say("man man --force").ok();
     assert_eq!(folder.read("victim"), b"precious");
     for name in ["out.mcap", "page.html", "man/stillpoint.1"] {
         assert!(!folder.path().join(name).is_symlink(), "{name}");

@@ -13,7 +13,7 @@ use stillpoint::engine::{Config, Motion, refit, rest_of};
 use stillpoint::fit::Calibration;
 use stillpoint::messages::segment::Reason;
 use stillpoint::messages::{self, Segment, TriadMean};
-use stillpoint::report::{Findings, Outcome, Verdict, account};
+use stillpoint::report::{Earlier, Findings, Outcome, Verdict, account};
 use stillpoint::simulate::{Scenario, record};
 
 use crate::common::Folder;
@@ -112,7 +112,7 @@ fn outcomes(seed: u64, ups: &[Vector3<f64>], scatter: f64, change: impl Fn(&mut 
     let earlier = [sensor.recording(&faces(&twice))];
     change(&mut sensor);
     let now = sensor.recording(ups);
-    let accounts = account(&now, &earlier).unwrap();
+    let accounts = account(&now, &Earlier::new(&earlier, [&now])).unwrap();
     let [accelerometer, gyroscope] = accounts.as_slice() else { panic!("{accounts:?}") };
     assert_eq!((accelerometer.sensor.as_str(), gyroscope.sensor.as_str()), ("accelerometer", "gyroscope"));
     [accelerometer.outcome.clone().unwrap(), gyroscope.outcome.clone().unwrap()]

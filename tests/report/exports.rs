@@ -353,9 +353,16 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
         folder.write("other", b"precious");
         folder.refuses(&format!("export a.mcap --format {format} {options} -o other"), 1, &["other: exists"]);
     }
-    folder.refuses("export a.mcap --format px4 --axes flu", 1, &["a.mcap", "--raw", "--in-force"]);
+    // What the command line lacks is its fault.
+    folder.refuses("export a.mcap --format px4 --axes flu", 2, &["a.mcap", "--raw", "--in-force"]);
+    folder.refuses("export a.mcap --format ardupilot --raw", 2, &["a.mcap", "--axes frd or flu"]);
+    folder.refuses("export a.mcap --format px4 --raw --axes flu --slot 9", 2, &["PX4 has no sensor 9"]);
+    folder.refuses("merge a.mcap --format px4 --axes flu", 2, &["the merged calibration: ", "--raw"]);
+    folder.say("export a.mcap --format px4 --raw --axes flu -o axes.params").ok();
+    folder.refuses("import axes.params", 2, &["axes.params: PX4 counts along forward", "--axes frd or flu"]);
+    folder.refuses("annotate demo.mcap -o c.mcap --against axes.params", 2, &["axes.params: ", "--axes"]);
     folder.refuses("import demo.mcap", 1, &["demo.mcap"]);
-    folder.refuses("export a.mcap --format kalibr --random-walk 1,1", 1, &["--random-walk", "kalibr-input"]);
+    folder.refuses("export a.mcap --format kalibr --random-walk 1,1", 2, &["--random-walk", "kalibr-input"]);
     // Rests of three seconds show no random walk, but bound one.
     for format in ["kalibr", "kalibr-input"] {
         let text = folder.say(&format!("export a.mcap --format {format} --random-walk bound")).ok().stdout;
@@ -372,7 +379,7 @@ fn every_format_is_written_of_a_recording_and_read_back_as_what_annotate_said() 
     assert!(unasked.contains("# gyroscope_random_walk: no more than "), "{unasked}");
     assert_eq!(yaml(&unasked)["imu0"].get("gyroscope_random_walk"), None);
     folder.refuses("export a.mcap --format kalibr-input", 1, &["--random-walk bound"]);
-    folder.refuses("export a.mcap --format px4 --random-walk bound --raw --axes flu", 1, &["kalibr"]);
+    folder.refuses("export a.mcap --format px4 --random-walk bound --raw --axes flu", 2, &["kalibr"]);
     folder.refuses("export a.mcap --format kalibr --random-walk least", 2, &["the word bound"]);
     folder.refuses("export a.mcap --format json --imu /nope", 1, &["no IMU /nope; there are: "]);
     let input = folder.say("export a.mcap --format kalibr-input --random-walk 2e-4,4e-6").ok().stdout;

@@ -19,5 +19,6 @@ mod merge;
 mod merged_turns;
 mod numbers;
 mod page;
+mod readable;
 mod residuals;
 mod temperature;

@@ -10,7 +10,7 @@ use stillpoint::messages::{self, Segment};
 use stillpoint::report::Findings;
 
 use crate::common::needs::randomness;
-use crate::fleet::{DAY, Outcome, Score, Truth, USUAL, joined, only};
+use crate::fleet::{DAY, Outcome, Population, Score, Truth, USUAL, joined, only};
 
 /// Every number that is published.
 fn numbers(merged: &Merged) -> Vec<f64> {
@@ -108,7 +108,8 @@ fn another_sensor_under_an_old_name_is_told() {
 /// Sessions of six faces a day apart; the first face of one of them is off by so much.
 fn sessions(rng: &mut impl Rng, count: i64, wrong: i64, off: f64) -> (Truth, Vec<Findings>) {
     let truth = Truth::new(rng);
-    let mut all: Vec<_> = (0..count).map(|day| truth.recording(rng, day * DAY, 6)).collect();
+    let apart = Population { common: 0.0, ..USUAL };
+    let mut all: Vec<_> = (0..count).map(|day| truth.recording_of(rng, day * DAY, 6, &apart)).collect();
     let rest = all[wrong as usize].rests.values_mut().next().unwrap();
     let mean = rest.means[0].mean.as_mut().unwrap();
     let length = (mean.x * mean.x + mean.y * mean.y + mean.z * mean.z).sqrt();

@@ -1,12 +1,12 @@
 //! Earlier calibration at the rests of a recording, in a summary: inside, suspicious or shifted.
 
 use console::style;
-use stillpoint::report::{Findings, account, verdict_text};
+use stillpoint::report::{Earlier, Findings, account, verdict_text};
 
 use crate::commands::text::Look;
 
 /// Verdicts on the earlier calibration; nothing if the drift says already why there are none.
-pub fn at_rests(findings: &Findings, earlier: &[Findings], look: Look) -> Vec<String> {
+pub fn at_rests(findings: &Findings, earlier: &Earlier<'_>, look: Look) -> Vec<String> {
     let Ok(accounts) = account(findings, earlier) else { return Vec::new() };
     let origin = findings.rests.keys().next().copied().unwrap_or_default();
     let mut lines = Vec::new();

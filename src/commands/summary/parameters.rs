@@ -4,7 +4,7 @@ use console::style;
 use stillpoint::messages::Triad;
 use stillpoint::messages::triad::Status;
 use stillpoint::printable;
-use stillpoint::report::{Change, Findings, Weight, drift, estimate, model, weight};
+use stillpoint::report::{Change, Earlier, Findings, Weight, drift, estimate, model, weight};
 
 use crate::commands::table::Table;
 use crate::commands::text::Look;
@@ -87,13 +87,15 @@ fn notes(triad: &Triad, look: Look) -> Vec<String> {
 }
 
 /// Drift of the sensors since an earlier calibration.
-pub fn since(findings: &Findings, earlier: &[Findings], look: Look) -> Vec<String> {
+pub fn since(findings: &Findings, earlier: &Earlier<'_>, look: Look) -> Vec<String> {
     let drifts = match drift(findings, earlier) {
         Ok(drifts) => drifts,
         Err(why) => return look.sentence("  drift    ", &why),
     };
+    let note = earlier.of(&findings.name, &findings.topic).ok().and_then(|counterpart| counterpart.note);
+    let note = note.map(|note| look.sentence("  drift    ", &note)).unwrap_or_default();
     if drifts.is_empty() {
-        return vec!["  drift    none can be told: no triad is determined now and then".to_owned()];
+        return [note, vec!["  drift    none can be told: no triad is determined now and then".to_owned()]].concat();
     }
     let mut table = Table::default();
     for drift in &drifts {
@@ -117,7 +119,7 @@ pub fn since(findings: &Findings, earlier: &[Findings], look: Look) -> Vec<Strin
         }
     }
     let text = "  drift: now less the earlier calibration, ± 95 %";
-    let mut lines = vec![style(text).for_stderr().dim().to_string()];
+    let mut lines = [note, vec![style(text).for_stderr().dim().to_string()]].concat();
     lines.extend(table.lines("  ", look.columns));
     lines
 }

@@ -18,7 +18,12 @@ pub fn count(findings: &Findings) -> String {
     let (found, accepted) = (findings.rests.len(), findings.accepted());
     match found {
         0 => "  rests    none found".to_owned(),
-        _ => format!("  rests    {found} found, {accepted} accepted, {} rejected", found - accepted),
+        _ => {
+            let in_part = findings.rejected().filter(|rest| findings.is_used_in_part(rest)).count();
+            let in_part =
+                if in_part > 0 { format!(", {in_part} of them used for what is known in part") } else { String::new() };
+            format!("  rests    {found} found, {accepted} accepted, {} rejected{in_part}", found - accepted)
+        }
     }
 }
 
@@ -58,7 +63,10 @@ pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
     }
     let line = |rest: &Segment| {
         let label = format!("  {:>+7.1} s {:>5.1} s  ", at(rest), seconds(rest));
-        look.sentence(&label, &format!("{} {}", rest.reason().as_str_name(), rest.explanation))
+        look.sentence(
+            &label,
+            &format!("{} {}{}", rest.reason().as_str_name(), rest.explanation, in_part(findings, rest)),
+        )
     };
     // One line per group, or one per rest, in time order.
     let mut lines = Vec::new();
@@ -67,7 +75,8 @@ pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
             [first, .., last] if rests.len() > ALIKE => {
                 let label = format!("  {:>+7.1} s to {:+.1} s  ", at(first), at(last));
                 let (count, reason) = (rests.len(), first.reason().as_str_name());
-                let text = format!("{count} rests {reason}, the first: {}", first.explanation);
+                let text =
+                    format!("{count} rests {reason}, the first: {}{}", first.explanation, in_part(findings, first));
                 lines.push((at(first), look.sentence(&label, &text)));
             }
             few => lines.extend(few.iter().map(|rest| (at(rest), line(rest)))),
@@ -83,6 +92,11 @@ pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
         said.insert(0, "  rejected, by time since the first rest and length".to_owned());
     }
     said
+}
+
+/// What is said of a rejected rest that counts in part.
+fn in_part(findings: &Findings, rest: &Segment) -> &'static str {
+    if findings.is_used_in_part(rest) { " (used for what is known in part)" } else { "" }
 }
 
 /// A text without its numbers, so that texts of one kind are equal.
@@ -101,14 +115,26 @@ pub fn near_misses(findings: &Findings, look: Look) -> Vec<String> {
     let origin = origin.unwrap_or_default();
     let one = |miss: &NearMiss| {
         let at = |stamp: i64| stamp.saturating_sub(origin) as f64 * 1e-9;
-        format!("{:+.1} s ({:.1} for {:.0} s)", at(miss.start), miss.lowest, (at(miss.end) - at(miss.start)).max(1.0))
+        let face = findings.face_of(miss).map(|face| format!(", {} up", printable(face))).unwrap_or_default();
+        let sensor = findings.sensor_of(miss).map(|sensor| format!(", {sensor}")).unwrap_or_default();
+        let seconds = (at(miss.end) - at(miss.start)).max(1.0);
+        format!("{:+.1} s ({:.1} for {seconds:.0} s{face}{sensor})", at(miss.start), miss.lowest)
     };
     let named: Vec<_> = misses.iter().take(NAMED).map(one).collect();
     let further = misses.count() - named.len();
     let more = if further > 0 { format!(" and {further} more") } else { String::new() };
     let below = misses.iter().next().map_or(0.0, |miss| miss.enter);
+    let with = match (
+        misses.iter().any(|m| findings.face_of(m).is_some()),
+        misses.iter().any(|m| findings.sensor_of(m).is_some()),
+    ) {
+        (true, true) => ", with the face up and the louder sensor",
+        (true, false) => ", with the face up",
+        (false, true) => ", with the louder sensor",
+        (false, false) => "",
+    };
     let text = format!(
-        "nearly still, in noise floors where {below} are asked: {}{more}. To take them: {advice}",
+        "nearly still, in noise floors where {below} are asked{with}: {}{more}. To take them: {advice}",
         named.join(", ")
     );
     look.sentence("  missed   ", &text)

@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use super::lists::Lists;
 use super::malformed::Malformed;
 use crate::imu::schema::layout::Place;
-use crate::imu::schema::path::Element;
+use crate::imu::schema::path::{Element, Stride};
 
 /// Values to pick from a JSON value and from its contents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -22,8 +22,15 @@ pub(super) struct Pick {
     text: bool,
     fields: Vec<(String, Pick)>,
     elements: Vec<(u32, Pick)>,
-    /// Values to pick from every element, and their slots.
-    every: Option<(Box<Pick>, Vec<usize>)>,
+    every: Option<Box<ListPick>>,
+}
+
+/// Values to pick from each element of a list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct ListPick {
+    pick: Pick,
+    /// Their slots, and the elements that they are wanted of.
+    slots: Vec<(usize, Stride)>,
 }
 
 impl Pick {
@@ -42,13 +49,16 @@ impl Pick {
 
     fn at(&mut self, place: &Place, slot: usize) -> &mut Self {
         place.path.segments().iter().fold(self, |pick, segment| {
-            let field = child(&mut pick.fields, segment.name.clone());
+            let field = match segment.name.is_empty() {
+                true => pick,
+                false => child(&mut pick.fields, segment.name.clone()),
+            };
             match segment.element {
                 Some(Element::At(element)) => child(&mut field.elements, element),
-                Some(Element::Every) => {
-                    let (pick, slots) = field.every.get_or_insert_default();
-                    slots.push(slot);
-                    pick
+                Some(Element::Each(stride)) => {
+                    let every = field.every.get_or_insert_default();
+                    every.slots.push((slot, stride));
+                    &mut every.pick
                 }
                 None => field,
             }
@@ -71,22 +81,32 @@ impl Pick {
     }
 }
 
+/// Byte ranges of the texts of numbers.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    /// By slot; `None` for a number that is missing or none.
+    pub(super) numbers: Vec<Option<Range<usize>>>,
+    /// By slot and element of its list.
+    pub(super) lists: Vec<Vec<Option<Range<usize>>>>,
+}
+
 impl Pick {
-    /// Finds the byte ranges of the numbers' texts.
-    pub(super) fn locate(&self, data: &[u8], places: &mut [Option<Range<usize>>]) -> Option<()> {
+    /// Finds the byte ranges of the texts of so many numbers.
+    pub(super) fn locate(&self, data: &[u8], count: usize) -> Option<Places> {
         let root: &RawValue = serde_json::from_slice(data).ok()?;
-        self.locate_in(root, data.as_ptr().addr(), places);
-        Some(())
+        let mut places = Places { numbers: vec![None; count], lists: vec![Vec::new(); count] };
+        self.locate_in(root, data.as_ptr().addr(), &mut places);
+        Some(places)
     }
 
-    fn locate_in(&self, value: &RawValue, origin: usize, places: &mut [Option<Range<usize>>]) {
+    fn locate_in(&self, value: &RawValue, origin: usize, places: &mut Places) {
         let text = value.get();
         // The text of a raw value is a slice of the message.
         let start = text.as_ptr().addr().wrapping_sub(origin);
         for &slot in
             self.slots.iter().filter(|_| text.starts_with(|first: char| first == '-' || first.is_ascii_digit()))
         {
-            if let Some(place) = places.get_mut(slot) {
+            if let Some(place) = places.numbers.get_mut(slot) {
                 *place = Some(start..start + text.len());
             }
         }
@@ -97,11 +117,21 @@ impl Pick {
                 fields.get(name.as_str()).into_iter().for_each(|value| pick.locate_in(value, origin, places));
             }
         }
-        if !self.elements.is_empty()
-            && let Ok(elements) = serde_json::from_str::<Vec<&RawValue>>(text)
-        {
-            for &(element, ref pick) in &self.elements {
-                elements.get(element as usize).into_iter().for_each(|value| pick.locate_in(value, origin, places));
+        if self.elements.is_empty() && self.every.is_none() {
+            return;
+        }
+        let Ok(elements) = serde_json::from_str::<Vec<&RawValue>>(text) else { return };
+        for &(element, ref pick) in &self.elements {
+            elements.get(element as usize).into_iter().for_each(|value| pick.locate_in(value, origin, places));
+        }
+        let Some(ListPick { pick, slots }) = self.every.as_deref() else { return };
+        for (i, value) in (0_u32..).zip(elements) {
+            pick.locate_in(value, origin, places);
+            for &(slot, stride) in slots {
+                let found = places.numbers.get_mut(slot).and_then(Option::take);
+                if let Some(list) = places.lists.get_mut(slot).filter(|_| stride.takes(i)) {
+                    list.push(found);
+                }
             }
         }
     }
@@ -200,15 +230,15 @@ impl<'d> Visitor<'d> for Picking<'_, '_, 'd, '_> {
 
     fn visit_seq<A: SeqAccess<'d>>(self, mut list: A) -> Result<(), A::Error> {
         let Self { pick, found } = self;
-        if let Some((pick, slots)) = &pick.every {
-            loop {
-                for &slot in slots {
+        if let Some(ListPick { pick, slots }) = pick.every.as_deref() {
+            for i in 0_u32.. {
+                for &(slot, _) in slots {
                     found.numbers.get_mut(slot).into_iter().for_each(|number| *number = f64::NAN);
                 }
                 if list.next_element_seed(Picking { pick, found })?.is_none() {
                     return Ok(());
                 }
-                for &slot in slots {
+                for &(slot, _) in slots.iter().filter(|(_, stride)| stride.takes(i)) {
                     found.lists.push(slot, found.numbers.get(slot).copied().unwrap_or(f64::NAN));
                 }
             }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Count, Evolution, Field, Hop, Kind, Layout, Number, Place};
 use crate::imu::schema::lookup::PathError;
-use crate::imu::schema::path::Element;
+use crate::imu::schema::path::{Element, Stride};
 
 /// Steps through a message, and the numbers to read on the way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,9 +36,9 @@ pub(super) enum Step {
     Array { count: u32, body: Vec<Step> },
     /// A sequence: `head` walks its first `least` elements, `body` each of the others.
     Sequence { least: u32, head: Vec<Step>, body: Vec<Step> },
-    /// A list whose elements are all read: `count` of them, or as many as it says. After each, the numbers of these slots
-    /// go into their columns.
-    Every { count: Option<u32>, body: Vec<Step>, slots: Vec<usize> },
+    /// A list whose elements are all read: `count` of them, or as many as it says. After each, the numbers of those slots
+    /// go into their columns that are wanted of it.
+    Every { count: Option<u32>, body: Vec<Step>, slots: Vec<(usize, Stride)> },
 }
 
 /// A range of [`Plan::gets`].
@@ -169,12 +169,13 @@ impl PlanCompiler<'_> {
         if is_list && self.rules.sizes != Sizes::None && !matches!(field.kind, Kind::Number(_)) {
             self.span(4, 4);
         }
-        let every = element(wanted, Some(Element::Every));
+        let every = each(wanted);
         match (field.kind, field.count) {
             (kind, Count::One) => self.one(kind, &element(wanted, None))?,
             (kind, count) if !every.is_empty() => {
                 let body = self.apart(1, |inner| inner.one(kind, &every))?;
-                let slots = every.iter().filter_map(|w| w.slot).collect();
+                let strides = wanted.iter().filter_map(|w| Some((w.slot?, stride(w)?)));
+                let slots = strides.collect();
                 let count = if let Count::Array(n) = count { Some(n) } else { None };
                 self.plan.steps.push(Step::Every { count, body, slots });
             }
@@ -320,6 +321,20 @@ fn element<'a>(wanted: &[WantedNumber<'a>], element: Option<Element>) -> Vec<Wan
     wanted.iter().filter_map(of).collect()
 }
 
+/// Goals in several elements of a list.
+fn each<'a>(wanted: &[WantedNumber<'a>]) -> Vec<WantedNumber<'a>> {
+    let inside = |w: &WantedNumber<'a>| Some(WantedNumber { hops: w.hops.get(1..)?, slot: w.slot });
+    wanted.iter().filter(|w| stride(w).is_some()).filter_map(inside).collect()
+}
+
+/// Elements of the first list, if there are several.
+fn stride(wanted: &WantedNumber<'_>) -> Option<Stride> {
+    match wanted.hops.first()?.element? {
+        Element::Each(stride) => Some(stride),
+        Element::At(_) => None,
+    }
+}
+
 /// Least number of elements that a list must have.
 fn least(wanted: &[WantedNumber<'_>]) -> u32 {
     let last = wanted.iter().filter_map(|w| index(w)).max();
@@ -330,7 +345,7 @@ fn least(wanted: &[WantedNumber<'_>]) -> u32 {
 fn index(wanted: &WantedNumber<'_>) -> Option<u32> {
     match wanted.hops.first()?.element? {
         Element::At(index) => Some(index),
-        Element::Every => None,
+        Element::Each(_) => None,
     }
 }
 

@@ -137,9 +137,9 @@ impl<'d, const BIG: bool, const LOCATE: bool> PlanWalk<'_, 'd, '_, BIG, LOCATE> 
                 }
                 Step::Every { count, body, slots } => {
                     let count = count.map_or_else(|| self.count(0), Ok)?;
-                    for _ in 0..count {
+                    for i in 0..count {
                         self.steps(body)?;
-                        for &slot in slots {
+                        for &(slot, _) in slots.iter().filter(|(_, stride)| stride.takes(i)) {
                             self.lists.push(slot, self.numbers.get(slot).copied().unwrap_or(f64::NAN));
                         }
                     }

@@ -59,6 +59,11 @@ impl Batch {
         Ok(text)
     }
 
+    /// Whether a number is in several elements of a list.
+    pub(in crate::imu) fn is_listed(&self, slot: usize) -> bool {
+        self.listed.contains(&slot)
+    }
+
     /// Number of readings of the last message.
     pub(in crate::imu) fn readings(&self) -> usize {
         self.readings

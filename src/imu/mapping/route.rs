@@ -20,6 +20,7 @@ use crate::Stamp;
 use crate::imu::config::AxesConfig;
 use crate::imu::decode::Decoder;
 use crate::imu::decode::malformed::Malformed;
+use crate::imu::decode::rewrite::Change;
 use crate::imu::sample::{ImuId, Sample, Sensor};
 use crate::imu::schema::layout::{Layout, Place};
 use crate::imu::schema::path::FieldPath;
@@ -213,19 +214,7 @@ impl Route {
 
     /// Current reading of a tap, in m/s² or rad/s.
     pub(in crate::imu) fn value(&self, tap: &Tap) -> Result<Vector3<f64>, Cause> {
-        let numbers = self.numbers.get(tap.at..).unwrap_or_default();
-        let Some(&[x, y, z]) = numbers.first_chunk() else { return Err(Cause::Malformed) };
-        if self.number(tap.covariance) == Some(-1.0) {
-            return Err(Cause::NotMeasured);
-        }
-        let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
-        if seconds == 0.0 {
-            return Err(Cause::NoTime);
-        }
-        let read = Vector3::new(x, y, z);
-        let factor = self.number(tap.scale).map_or(tap.factor, |scale| tap.factor * scale);
-        let value = tap.order.apply(&self.added(tap).map_or(read, |added| read + added)) * (factor / seconds);
-        if Sample::is_reading(&value) { Ok(value) } else { Err(Cause::NotFinite) }
+        tap.value(&self.numbers)
     }
 
     /// Whether of its triads only the gyroscope was measured: no others are there, or theirs are all marked as not
@@ -251,35 +240,40 @@ impl Route {
         self.thermometer.as_ref().map(|(_, path)| path.as_str())
     }
 
-    /// Rewrites the last message, which is `data`, with other readings in m/s² or rad/s; `None` if nothing changes, or
-    /// nothing can, as where a message holds several readings.
+    /// Rewrites the last message, which is `data`, with other readings in m/s² or rad/s, each of them if there are several;
+    /// `None` if nothing changes, or a number cannot hold the result. `change` receives the index of the reading. Integers
+    /// are rounded.
     pub(in crate::imu) fn rewrite(
         &self,
         data: &[u8],
-        mut change: impl FnMut(&Tap, Vector3<f64>) -> Option<Vector3<f64>>,
+        mut change: impl FnMut(&Tap, usize, Vector3<f64>) -> Option<Vector3<f64>>,
     ) -> Option<Vec<u8>> {
-        if self.batch.is_some() {
-            return None;
+        let (mut changes, mut numbers) = (Vec::new(), self.numbers.clone());
+        for reading in 0..self.batch.as_ref().map_or(1, Batch::readings) {
+            self.batch.iter().for_each(|batch| batch.load(reading, &mut numbers));
+            for tap in &self.taps {
+                let Some(value) = tap.value(&numbers).ok().and_then(|value| change(tap, reading, value)) else {
+                    continue;
+                };
+                let own = tap.as_read(&value, &numbers);
+                changes.extend(own.iter().enumerate().map(|(axis, &value)| {
+                    let slot = tap.at + axis;
+                    let element = self.batch.as_ref().filter(|batch| batch.is_listed(slot)).map(|_| reading);
+                    let value = if self.decoder.is_integer(slot) { value.round() } else { value };
+                    Change { slot, element, value }
+                }));
+            }
         }
-        let mut changes = Vec::new();
-        for tap in &self.taps {
-            let Some(value) = self.value(tap).ok().and_then(|value| change(tap, value)) else { continue };
-            let seconds = self.number(tap.over).map_or(1.0, |micros| micros * 1e-6);
-            let own = tap.order.undo(&value) / (tap.factor / seconds);
-            let own = self.added(tap).map_or(own, |added| own - added);
-            changes.extend(own.iter().enumerate().map(|(axis, &value)| (tap.at + axis, value)));
-        }
-        match changes.is_empty() || !changes.iter().all(|(_, value)| value.is_finite()) {
+        match changes.is_empty() || !changes.iter().all(|change| change.value.is_finite()) {
             true => None,
-            false => self.decoder.rewrite(data, self.numbers.len(), &changes),
+            false => self.decoder.rewrite_lists(data, self.numbers.len(), &changes),
         }
     }
 
-    /// Vector added to the reading of a tap, in its unit; `None` without one, since adding zeros would change the sign
-    /// of −0.
-    fn added(&self, tap: &Tap) -> Option<Vector3<f64>> {
-        let [x, y, z] = tap.plus.and_then(|at| self.numbers.get(at..)?.first_chunk())?;
-        Some(Vector3::new(*x, *y, *z))
+    /// Largest step of the readings that are integers, in m/s² or rad/s, by the last message: what is written in their
+    /// place is rounded to it.
+    pub(in crate::imu) fn step(&self, tap: &Tap) -> Option<f64> {
+        self.decoder.is_integer(tap.at).then(|| tap.unit(&self.numbers).ok().map(f64::abs)).flatten()
     }
 
     /// Whether the last message marks the reading of a tap as clipped.
@@ -307,6 +301,41 @@ impl Route {
 }
 
 impl Tap {
+    /// Reading among the numbers of a message, in m/s² or rad/s.
+    fn value(&self, numbers: &[f64]) -> Result<Vector3<f64>, Cause> {
+        let Some(&[x, y, z]) = numbers.get(self.at..).unwrap_or_default().first_chunk() else {
+            return Err(Cause::Malformed);
+        };
+        if number(numbers, self.covariance) == Some(-1.0) {
+            return Err(Cause::NotMeasured);
+        }
+        let read = Vector3::new(x, y, z);
+        let value = self.order.apply(&self.added(numbers).map_or(read, |added| read + added)) * self.unit(numbers)?;
+        if Sample::is_reading(&value) { Ok(value) } else { Err(Cause::NotFinite) }
+    }
+
+    /// What the message would say of a reading in m/s² or rad/s.
+    fn as_read(&self, value: &Vector3<f64>, numbers: &[f64]) -> Vector3<f64> {
+        // Without a unit there was no reading.
+        let own = self.order.undo(value) / self.unit(numbers).unwrap_or(f64::NAN);
+        self.added(numbers).map_or(own, |added| own - added)
+    }
+
+    /// Factor from the numbers to m/s² or rad/s.
+    fn unit(&self, numbers: &[f64]) -> Result<f64, Cause> {
+        let seconds = number(numbers, self.over).map_or(1.0, |micros| micros * 1e-6);
+        if seconds == 0.0 {
+            return Err(Cause::NoTime);
+        }
+        Ok(number(numbers, self.scale).map_or(self.factor, |scale| self.factor * scale) / seconds)
+    }
+
+    /// Vector added to the reading, in its unit; `None` without one, since adding zeros would change the sign of −0.
+    fn added(&self, numbers: &[f64]) -> Option<Vector3<f64>> {
+        let [x, y, z] = self.plus.and_then(|at| numbers.get(at..)?.first_chunk())?;
+        Some(Vector3::new(*x, *y, *z))
+    }
+
     /// Use of the tap by the IMU of this name.
     pub(in crate::imu) fn used_by(&self, imu: String) -> VectorUse {
         VectorUse {
@@ -317,6 +346,10 @@ impl Tap {
             axes: self.axes.clone(),
         }
     }
+}
+
+fn number(numbers: &[f64], at: Option<usize>) -> Option<f64> {
+    numbers.get(at?).copied()
 }
 
 impl Frame<'_> {

@@ -21,8 +21,9 @@ pub enum Suggestion {
 impl Suggestion {
     /// Suggestion for a channel of an unknown type, judging by its names.
     pub(in crate::imu) fn of(topic: &str, layout: &Layout) -> Option<Self> {
-        // Vectors in lists are several readings of a message.
+        // Vectors in lists are several readings of a message, and so are lists in which axes follow each other.
         let named = Self::named(topic, &candidates(layout)).or_else(|| Self::named(topic, &listed_candidates(layout)));
+        let named = named.or_else(|| Self::named(topic, &flat_candidates(layout)));
         named.or_else(|| Self::accelerometer(topic, layout))
     }
 
@@ -208,6 +209,43 @@ fn candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
 /// Candidates in every element of a list.
 fn listed_candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
     of_paths(layout.listed_vectors(), layout.listed_triples())
+}
+
+/// Lists of numbers in which x, y and z follow each other, reading by reading.
+fn flat_candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
+    let lists = layout.flat_lists().into_iter();
+    lists.map(|(path, axes)| (path.name().to_lowercase(), VectorPath::Axes(axes))).collect()
+}
+
+/// What could be readings in lists that are not understood by their names, and what to do about it; `None` where neither
+/// the topic nor a field is called after a sensor.
+pub(in crate::imu) fn puzzle(topic: &str, layout: &Layout) -> Option<String> {
+    let topic = topic.to_lowercase();
+    let on_sensor = ["imu", "accel", "gyro"].iter().any(|word| topic.contains(word));
+    let is_told = |path: &FieldPath| {
+        let name = path.name().to_lowercase();
+        is_accel(&name) || is_gyro(&name) || (on_sensor || name.contains("imu")) && !name.contains("cov")
+    };
+    let flat = layout.flat_lists().into_iter().find(|(path, _)| is_told(path));
+    let ragged = || layout.unread_lists().into_iter().find(|(path, _)| is_told(path));
+    let row = || layout.rows().into_iter().find(is_told);
+    if let Some((path, [x, y, z])) = flat {
+        return Some(format!(
+            "`{path}` is a list of numbers: if x, y, z follow each other in it, map it with accel = [\"{x}\", \"{y}\", \"{z}\"]; with \
+             six numbers a reading, with [0::6], [1::6] and so on; if it is one reading, with [0], [1] and so on"
+        ));
+    }
+    if let Some(path) = row() {
+        let [x, y, z] = [0, 1, 2].map(|axis| path.inner(axis));
+        return Some(format!(
+            "`{path}` are lists of numbers: map them by their columns, for example accel = [\"{x}\", \"{y}\", \"{z}\"]"
+        ));
+    }
+    let (path, what) = ragged()?;
+    Some(format!(
+        "`{path}` is {what} that is not read: write each reading as an object of numbers, {{\"x\": …, \"y\": …, \"z\": …}}, or as a \
+         list of three numbers, [x, y, z]"
+    ))
 }
 
 fn of_paths(vectors: Vec<FieldPath>, triples: Vec<(String, [FieldPath; 3])>) -> Vec<(String, VectorPath)> {

@@ -68,6 +68,9 @@ impl<'a> Reader<'a> {
                             (kind, size("minItems").map_or(Count::Sequence, Count::Array))
                         }
                         (kind, Count::One) => (kind, Count::Sequence),
+                        (Kind::Number(number), count) if self.messages.len() < MAX_MESSAGES => {
+                            (row(name, number, count, &mut self.messages), Count::Sequence)
+                        }
                         _ => (Kind::Unread("a list of lists"), Count::One),
                     }
                 }
@@ -129,7 +132,25 @@ fn of_value(name: &str, value: &Value, messages: &mut Vec<Message>) -> (Kind, Co
                 (Kind::Number(number), u32::try_from(elements.len()).map_or(Count::Sequence, Count::Array))
             }
             Some((kind @ Kind::Message(_), Count::One)) => (kind, Count::Sequence),
+            Some((Kind::Number(number), Count::Array(_))) if elements.iter().all(is_row) => {
+                let length = |row: &Value| row.as_array().map(Vec::len);
+                let same = elements.windows(2).all(|pair| length(&pair[0]) == length(&pair[1]));
+                let count = elements.first().and_then(length).and_then(|length| u32::try_from(length).ok());
+                let count = count.filter(|_| same).map_or(Count::Sequence, Count::Array);
+                (row(name, number, count, messages), Count::Sequence)
+            }
+            Some(_) if elements.iter().all(Value::is_array) => (Kind::Unread("a list of lists"), Count::One),
             _ => (Kind::Unread("a list"), Count::One),
         },
     }
+}
+
+/// Message that stands for a list of numbers inside a list: a single field without a name.
+fn row(name: &str, number: Number, count: Count, messages: &mut Vec<Message>) -> Kind {
+    messages.push(Message::new(name, vec![Field::new("", Kind::Number(number), count)]));
+    Kind::Message(messages.len() - 1)
+}
+
+fn is_row(value: &Value) -> bool {
+    value.as_array().is_some_and(|numbers| numbers.iter().all(Value::is_number))
 }

@@ -45,8 +45,8 @@ pub enum PathError {
 }
 
 impl Layout {
-    /// Places of the three axes of a vector: `path` leads to a message with `x`, `y`, `z`, to a list of three numbers, or
-    /// to a message with a list of each of `x`, `y`, `z`.
+    /// Places of the three axes of a vector: `path` leads to a message with `x`, `y`, `z`, to a list of three numbers, to an
+    /// element of a list that is such a list, or to a message with a list of each of `x`, `y`, `z`.
     ///
     /// # Errors
     /// If it leads nowhere, or to something else.
@@ -58,6 +58,9 @@ impl Layout {
     /// Paths of the three axes of such a vector.
     pub(in crate::imu) fn axes(&self, path: &FieldPath) -> Result<[FieldPath; 3], PathError> {
         match self.find(path) {
+            Some(PathTarget { kind: Kind::Message(id), count: Count::One, .. }) if self.is_row(path, id) => {
+                Ok([0, 1, 2].map(|axis| path.inner(axis)))
+            }
             Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
                 Ok(self.listed_axes(path).unwrap_or_else(|| ["x", "y", "z"].map(|axis| path.join(axis))))
             }
@@ -185,8 +188,56 @@ impl Layout {
         Some(Place { path: path.clone(), hops })
     }
 
+    /// Whether a message is a list of three numbers or of unknown length, which is an element of a list itself.
+    fn is_row(&self, path: &FieldPath, message: usize) -> bool {
+        if path.segments().last().is_none_or(|last| last.element.is_none()) {
+            return false;
+        }
+        let fields = self.messages.get(message).map_or(&[][..], |message| &message.fields);
+        let [Field { name, kind: Kind::Number(_), count, .. }] = fields else { return false };
+        name.is_empty() && matches!(count, Count::Array(3) | Count::Sequence)
+    }
+
+    /// Paths of the axes of lists in which x, y and z follow each other, reading by reading, as far as lengths tell.
+    pub(in crate::imu) fn flat_lists(&self) -> Vec<(FieldPath, [FieldPath; 3])> {
+        let is_flat = |path: &FieldPath| {
+            let is_long = |count| match count {
+                Count::Array(n) => n > 3 && n.is_multiple_of(3),
+                // A list of any length may be a vector itself where languages have no fixed lengths.
+                Count::Sequence => matches!(self.wire, Wire::Cdr | Wire::Ros1),
+                Count::One => false,
+            };
+            self.find(path).is_some_and(|found| is_long(found.count) && is_float(&found)) && is_written(path)
+        };
+        let is_axis = |path: &FieldPath| path.parent().is_some_and(|around| self.listed_axes(&around).is_some());
+        let flat = self.paths().into_iter().filter(|path| is_flat(path) && !is_axis(path));
+        flat.map(|path| (path.clone(), [0, 1, 2].map(|axis| path.each(axis, 3)))).collect()
+    }
+
+    /// Paths of the lists of numbers that are elements of a list, but no vectors.
+    pub(in crate::imu) fn rows(&self) -> Vec<FieldPath> {
+        let is_row = |path: &FieldPath| match self.find(path) {
+            Some(PathTarget { kind: Kind::Message(id), count: Count::One, .. }) => {
+                let fields = self.messages.get(id).map_or(&[][..], |message| &message.fields);
+                matches!(fields, [field] if field.name.is_empty()) && !self.is_row(path, id)
+            }
+            _ => false,
+        };
+        self.paths_in_lists().into_iter().filter(|path| path.is_listed() && is_row(path)).collect()
+    }
+
+    /// Paths and descriptions of the lists whose elements are no numbers and no messages.
+    pub(in crate::imu) fn unread_lists(&self) -> Vec<(FieldPath, &'static str)> {
+        let unread = self.paths().into_iter().filter_map(|path| match self.find(&path)?.kind {
+            Kind::Unread(what) if what.starts_with("a list") => Some((path, what)),
+            _ => None,
+        });
+        unread.collect()
+    }
+
     fn is_vector(&self, path: &FieldPath) -> bool {
         match self.find(path) {
+            Some(PathTarget { kind: Kind::Message(id), count: Count::One, .. }) if self.is_row(path, id) => true,
             Some(PathTarget { kind: Kind::Message(_), count: Count::One, .. }) => {
                 let is_axis = |name| self.find(&path.join(name)).is_some_and(|f| f.count == Count::One && is_float(&f));
                 ["x", "y", "z"].into_iter().all(is_axis) && self.find(&path.join("w")).is_none()
@@ -220,9 +271,9 @@ impl Layout {
             (None, count) => count,
             (Some(Element::At(element)), Count::Array(n)) if element < n => Count::One,
             (Some(Element::At(element)), Count::Sequence) if element < MAX_ELEMENT => Count::One,
-            (Some(Element::Every), Count::Array(_) | Count::Sequence) => {
-                // Lists of lists are not followed.
-                from.hops.iter().all(|hop| hop.element != Some(Element::Every)).then_some(Count::One)?
+            (Some(Element::Each(_)), Count::Array(_) | Count::Sequence) => {
+                // Only one of several lists inside each other holds the readings.
+                from.hops.iter().all(|hop| !matches!(hop.element, Some(Element::Each(_)))).then_some(Count::One)?
             }
             _ => return None,
         };

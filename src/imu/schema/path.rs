@@ -13,6 +13,7 @@ pub struct FieldPath(Vec<Segment>);
 /// One step of a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::imu) struct Segment {
+    /// Name of a field; empty for an element of a list that has no name, being one of a list itself.
     pub(in crate::imu) name: String,
     /// Element, if the field is a list.
     pub(in crate::imu) element: Option<Element>,
@@ -23,13 +24,59 @@ pub(in crate::imu) struct Segment {
 pub(in crate::imu) enum Element {
     /// The one at an index.
     At(u32),
-    /// Each of them, one after the other.
-    Every,
+    /// Each of those, one after the other.
+    Each(Stride),
+}
+
+/// Elements of a list that follow each other at equal distances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::imu) struct Stride {
+    /// Index of the first one.
+    from: u32,
+    /// Distance from one to the next, at least 1.
+    step: u32,
+}
+
+impl Stride {
+    /// Largest distance, and index of the first one: more numbers make no reading.
+    const MOST: u32 = 64;
+
+    fn parse(text: &str) -> Option<Self> {
+        if text == "*" {
+            return Some(Self { from: 0, step: 1 });
+        }
+        let (from, step) = text.split_once("::")?;
+        let from = if from.is_empty() { 0 } else { from.parse().ok()? };
+        let step = step.parse().ok().filter(|step| (1..=Self::MOST).contains(step))?;
+        (from <= Self::MOST).then_some(Self { from, step })
+    }
+
+    /// Index of the n-th of them, counted from 0.
+    pub(in crate::imu) fn place(self, n: usize) -> Option<u32> {
+        u32::try_from(n).ok()?.checked_mul(self.step)?.checked_add(self.from)
+    }
+
+    /// Whether the element at an index is one of them.
+    #[inline]
+    pub(in crate::imu) fn takes(self, index: u32) -> bool {
+        index >= self.from && (index - self.from).is_multiple_of(self.step)
+    }
+}
+
+impl fmt::Display for Stride {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self { from: 0, step: 1 } => f.write_str("*"),
+            Self { from, step } => write!(f, "{from}::{step}"),
+        }
+    }
 }
 
 /// Error of a malformed path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not a field path; write names joined by dots, elements of lists as name[0], all of them as name[*]")]
+#[error(
+    "`{0}` is not a field path; write names joined by dots, elements of lists as name[0], all of them as name[*], every third as name[0::3]"
+)]
 pub struct PathSyntaxError(String);
 
 impl FieldPath {
@@ -66,16 +113,26 @@ impl FieldPath {
 
     /// Path with the last segment replaced by all of its elements.
     pub(in crate::imu) fn every(&self) -> Self {
+        self.each(0, 1)
+    }
+
+    /// Path with the last segment replaced by its elements at equal distances.
+    pub(in crate::imu) fn each(&self, from: u32, step: u32) -> Self {
         let mut segments = self.0.clone();
         if let Some(last) = segments.last_mut() {
-            last.element = Some(Element::Every);
+            last.element = Some(Element::Each(Stride { from, step }));
         }
         Self(segments)
     }
 
-    /// Whether it leads to all elements of a list.
+    /// Path of a number in a list that is an element of a list itself.
+    pub(in crate::imu) fn inner(&self, element: u32) -> Self {
+        self.join("").element(element)
+    }
+
+    /// Whether it leads to several elements of a list.
     pub(in crate::imu) fn is_listed(&self) -> bool {
-        self.0.iter().any(|segment| segment.element == Some(Element::Every))
+        self.0.iter().any(|segment| matches!(segment.element, Some(Element::Each(_))))
     }
 
     /// Name in a sentence.
@@ -99,22 +156,27 @@ impl FromStr for FieldPath {
         if text.is_empty() {
             return Ok(Self::default());
         }
-        let segments = text.split('.').map(Segment::parse).collect::<Option<_>>();
-        segments.map(Self).ok_or_else(|| PathSyntaxError(text.to_owned()))
+        let segments = text.split('.').map(Segment::parse).collect::<Option<Vec<_>>>();
+        segments.map(|all| Self(all.concat())).ok_or_else(|| PathSyntaxError(text.to_owned()))
     }
 }
 
 impl Segment {
-    fn parse(text: &str) -> Option<Self> {
-        let (name, element) = match text.strip_suffix(']') {
-            Some(list) => {
-                let (name, element) = list.split_once('[')?;
-                (name, Some(if element == "*" { Element::Every } else { Element::At(element.parse().ok()?) }))
-            }
-            None => (text, None),
+    /// Segment of a field, and one for each list inside its list: `rows[*][0]`.
+    fn parse(text: &str) -> Option<Vec<Self>> {
+        let (name, lists) = text.split_at(text.find('[').unwrap_or(text.len()));
+        let plain = !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || c == ']');
+        plain.then_some(())?;
+        let Some(lists) = lists.strip_prefix('[') else {
+            return Some(vec![Self { name: name.to_owned(), element: None }]);
         };
-        let plain = !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || "[]".contains(c));
-        plain.then(|| Self { name: name.to_owned(), element })
+        let elements = lists.strip_suffix(']')?.split("][");
+        let names = [name].into_iter().chain(std::iter::repeat(""));
+        let segment = |(name, element): (&str, &str)| {
+            let at = || element.parse().ok().map(Element::At);
+            Some(Self { name: name.to_owned(), element: Some(Stride::parse(element).map(Element::Each).or_else(at)?) })
+        };
+        names.zip(elements).map(segment).collect()
     }
 }
 
@@ -135,10 +197,10 @@ impl From<FieldPath> for String {
 impl fmt::Display for FieldPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, Segment { name, element }) in self.0.iter().enumerate() {
-            write!(f, "{}{name}", if i == 0 { "" } else { "." })?;
+            write!(f, "{}{name}", if i == 0 || name.is_empty() { "" } else { "." })?;
             match element {
                 Some(Element::At(index)) => write!(f, "[{index}]")?,
-                Some(Element::Every) => f.write_str("[*]")?,
+                Some(Element::Each(stride)) => write!(f, "[{stride}]")?,
                 None => {}
             }
         }
@@ -152,14 +214,21 @@ mod tests {
 
     #[test]
     fn a_path_reads_back_as_it_was_written() {
-        for text in ["", "a", "a.b", "a[0].b[12]", "a[*].b", "a.b[*]"] {
+        for text in ["", "a", "a.b", "a[0].b[12]", "a[*].b", "a.b[*]", "a[2::6]", "a[*][0]", "a.b[1::3].c", "a[*][0].b"]
+        {
             assert_eq!(text.parse::<FieldPath>().unwrap().to_string(), text);
+        }
+        for (text, short) in [("a[::3]", "a[0::3]"), ("a[0::1]", "a[*]")] {
+            assert_eq!(text.parse::<FieldPath>().unwrap().to_string(), short);
         }
     }
 
     #[test]
     fn what_is_not_a_path_is_refused() {
-        for text in [".", "a.", "a..b", "a[", "a[]", "a[-1]", "a[**]", "a[0]b", "[0]", "a b", "a]"] {
+        for text in [
+            ".", "a.", "a..b", "a[", "a[]", "a[-1]", "a[**]", "a[0]b", "[0]", "a b", "a]", "a[0::0]", "a[0::65]",
+            "a[0:3]", "a[::]", "a[0][", "a[0]]", "a[0].[1]",
+        ] {
             assert!(text.parse::<FieldPath>().is_err(), "{text}");
         }
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::Learner;
 use super::engine_setup::is_called;
 use super::learned::Learned;
-use super::notes::not_corrected;
+use super::notes::{not_corrected, rounded};
 use crate::annotate::Corrected;
 use crate::imu::ImuId;
 use crate::pipeline::events::Notify;
@@ -20,6 +20,7 @@ impl Learner {
         let causal = self.config.output.corrected == Corrected::Causal;
         let stuck = self.imus.iter().filter(|imu| causal && imu.corrections.is_some()).map(|imu| &imu.findings);
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
+        let stuck = stuck.chain(rounded(&self.sources.intake, &self.corrector));
         let apart = self.apart().is_some();
         let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck);
         let notes = notes.chain(self.unused_rotations()).collect();

@@ -56,7 +56,10 @@ impl Learner {
             let imu = imu.index();
             let Some(learning) = self.imus.get_mut(imu) else { continue };
             match reading {
-                Reading::Sample(sample) => learning.engine.push(sensor, &sample, &mut self.events),
+                Reading::Sample(sample) => {
+                    learning.findings.near_misses.sample(sensor, &sample);
+                    learning.engine.push(sensor, &sample, &mut self.events);
+                }
                 Reading::Clipped(stamp) => learning.engine.clipped(sensor, stamp),
                 Reading::NewRound { stamp, log_time } => {
                     learning.engine.begin_round(sensor, stamp, log_time, &mut self.events);

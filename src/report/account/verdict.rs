@@ -8,7 +8,7 @@ use super::site::Site;
 use crate::fit::{fisher_beyond, student_beyond};
 use crate::messages::Triad;
 use crate::messages::triad::Status;
-use crate::report::{Findings, same};
+use crate::report::{Earlier, Findings};
 
 /// Rates of false alarms that the verdicts are built for: shares of the recordings of a sensor that did not move.
 pub const SUSPICIOUS: f64 = 1e-2;
@@ -82,10 +82,9 @@ pub struct Worst {
 ///
 /// # Errors
 ///
-/// If the earlier calibration has several IMUs and none has the name or topic of this one.
-pub fn account(now: &Findings, earlier: &[Findings]) -> Result<Vec<Account>, String> {
-    let then = same(earlier, &now.name, &now.topic)
-        .ok_or_else(|| format!("the earlier calibration holds {} IMUs, none is called {}", earlier.len(), now.name))?;
+/// If the earlier calibration has none that is this one.
+pub fn account(now: &Findings, earlier: &Earlier<'_>) -> Result<Vec<Account>, String> {
+    let then = earlier.of(&now.name, &now.topic)?.findings;
     let Some(then) = &then.calibration else { return Ok(Vec::new()) };
     let seen = seen(now);
     let site = Site::of(now.calibration.as_ref(), then);

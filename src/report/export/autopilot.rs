@@ -133,10 +133,10 @@ pub(in crate::report) fn ardupilot(slot: u8) -> Option<Names> {
 fn export(autopilot: &Autopilot, imu: &Findings, options: &Options) -> Result<Exported, ExportError> {
     let Autopilot { name, .. } = *autopilot;
     let names = (autopilot.names)(options.slot)
-        .ok_or_else(|| ExportError::Refused(format!("{name} has no sensor {}", options.slot)))?;
+        .ok_or_else(|| ExportError::Option(format!("{name} has no sensor {}", options.slot)))?;
     let before = in_force(autopilot, &names, imu, options)?;
     let axes = options.axes.or_else(|| imu.source_type.starts_with("px4_msgs/").then_some(Axes::Frd)).ok_or_else(|| {
-        ExportError::Refused(format!(
+        ExportError::Option(format!(
             "{name} counts along forward, right, down: say which way the axes of {} point, --axes frd or flu (ROS, MAVROS)",
             imu.topic
         ))
@@ -243,11 +243,11 @@ fn in_force(autopilot: &Autopilot, names: &Names, imu: &Findings, options: &Opti
     let name = autopilot.name;
     let topic = &imu.topic;
     match readings {
-        Readings::Unsaid => Err(ExportError::Refused(format!(
+        Readings::Unsaid => Err(ExportError::Option(format!(
             "{name} applies its parameters to raw readings: if {topic} holds raw ones, say --raw; if {name} had corrected \
              them already (PX4 sensor_combined, MAVLink HIGHRES_IMU and RAW_IMU), give its parameters with --in-force FILE"
         ))),
-        Readings::Raw if is_corrected(&imu.source_type) => Err(ExportError::Refused(format!(
+        Readings::Raw if is_corrected(&imu.source_type) => Err(ExportError::Option(format!(
             "{} is what PX4 publishes after its own calibration: give the parameters in force with --in-force FILE",
             imu.source_type
         ))),

@@ -34,7 +34,17 @@ pub enum ExportError {
         /// The next step.
         next: &'static str,
     },
+    /// An option is missing, or of no use here.
+    #[error("{0}")]
+    Option(String),
     /// The result would be wrong.
     #[error("{0}")]
     Refused(String),
+}
+
+impl ExportError {
+    /// Whether the command line is at fault, whatever the calibration.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Several(_) | Self::Option(_))
+    }
 }

@@ -4,9 +4,9 @@ use maud::{Markup, html};
 
 use super::elements;
 use super::imu::Imu;
-use crate::report::{Account, Findings, account, verdict_text};
+use crate::report::{Account, Earlier, account, verdict_text};
 
-pub(super) fn section(imu: &Imu<'_>, earlier: &[Findings]) -> Markup {
+pub(super) fn section(imu: &Imu<'_>, earlier: &Earlier<'_>) -> Markup {
     let accounts = match account(imu.findings, earlier) {
         Ok(accounts) => accounts,
         Err(why) => return elements::section(HEADING, html! { p { (why) } }),
@@ -19,7 +19,7 @@ pub(super) fn section(imu: &Imu<'_>, earlier: &[Findings]) -> Markup {
             "suspicious" => "badge provisional",
             _ => "badge undetermined",
         };
-        html! { p { span class=(class) { (account.sensor) " " b { (verdict) } } " " (text.replace(" -", " \u{2212}")) } }
+        html! { p { span class=(class) { (account.sensor) " " b { (verdict) } } " " (text) } }
     };
     let content = html! {
         @if accounts.is_empty() { p { "It determines neither the accelerometer nor the gyroscope." } }

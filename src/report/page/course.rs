@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::elements::{minus, notes, section, table};
+use super::elements::{notes, section, table};
 use super::imu::Imu;
 use crate::Stamp;
 use crate::report::calendar::day;
@@ -22,7 +22,7 @@ pub(super) fn course(imu: &Imu<'_>) -> Option<Markup> {
     let jumps = course.jumps.get(..JUMPS).unwrap_or(&course.jumps);
     let row = |jump: &Jump| {
         let (from, until) = (day(jump.after), day(jump.before));
-        html! { tr { td { (from) @if from != until { " to " (until) } } td { (minus(&jump.what)) } } }
+        html! { tr { td { (from) @if from != until { " to " (until) } } td { (jump.what) } } }
     };
     let rows: Vec<_> = jumps.iter().map(row).collect();
     let content = html! {

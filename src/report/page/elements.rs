@@ -53,11 +53,6 @@ pub(super) fn sentence(text: &str) -> String {
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
-/// Text with minus signs that no line breaks behind.
-pub(super) fn minus(text: &str) -> String {
-    text.replace(" -", " \u{2212}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

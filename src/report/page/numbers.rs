@@ -2,13 +2,13 @@
 
 use maud::{Markup, html};
 
-use super::elements::{self, axes, notes, table};
+use super::elements::{self, axes, notes, sentence, table};
 use super::imu::Imu;
 use crate::messages::triad::Status;
 use crate::messages::{Triad, Vector3};
-use crate::report::{Change, Drift, Findings, drift, estimate, matrix, model};
+use crate::report::{Change, Drift, Earlier, Findings, drift, estimate, matrix, model};
 
-pub(super) fn section(imu: &Imu<'_>, earlier: Option<&[Findings]>) -> Markup {
+pub(super) fn section(imu: &Imu<'_>, earlier: Option<&Earlier<'_>>) -> Markup {
     let Some(found) = &imu.findings.calibration else {
         let why = imu.findings.reason().unwrap_or_default().trim_end_matches('.');
         return elements::section("Calibration", html! { p { "None was published: " (why) "." } });
@@ -125,9 +125,9 @@ fn row(name: &str, values: &[f64; 3], std: &Option<[f64; 3]>, unit: &str) -> Mar
         Some(half) => {
             let text = estimate(*value, half);
             let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
-            html! { td.n { (value.replace('-', "−")) " " small { "± " (half) } } }
+            html! { td.n { (value) " " small { "± " (half) } } }
         }
-        None => html! { td.n { (format!("{}", (value * 1e5).round() / 1e5).replace('-', "−")) } },
+        None => html! { td.n { (format!("{}", (value * 1e5).round() / 1e5 + 0.0)) } },
     };
     html! { tr { th { (name) " " small { (unit) } } @for value in values.iter().enumerate() { (cell(value)) } } }
 }
@@ -136,14 +136,16 @@ fn numbers(v: &Vector3) -> [f64; 3] {
     [v.x, v.y, v.z]
 }
 
-fn since(now: &Findings, earlier: &[Findings]) -> Markup {
+fn since(now: &Findings, earlier: &Earlier<'_>) -> Markup {
     let drifts = match drift(now, earlier) {
         Ok(drifts) => drifts,
         Err(why) => return html! { h4 { "Since the earlier calibration" } p { (why) } },
     };
     let rows: Vec<_> = drifts.iter().flat_map(changes).collect();
+    let note = earlier.of(&now.name, &now.topic).ok().and_then(|counterpart| counterpart.note);
     html! {
         h4 { "Change since the earlier calibration" }
+        @if let Some(note) = note { p.dim { (sentence(&note)) } }
         @if let Some(worst) = drifts.iter().find_map(|drift| drift.worst) {
             @let worst = format!("{worst:.3} m/s²");
             p { "A reading corrected with the earlier calibration is off by up to " b { (worst) } "." }
@@ -171,6 +173,6 @@ fn cell(change: &Change) -> Markup {
     let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
     // A value that rounds to zero has no sign.
     let is_zero = value.parse() == Ok(0.0);
-    let value = if is_zero { value.trim_start_matches('-').to_owned() } else { value.replace('-', "−") };
+    let value = if is_zero { value.trim_start_matches('-') } else { value };
     html! { td class=(class) { (value) " " small { "± " (half) } } }
 }

@@ -59,6 +59,9 @@ fn numbers(triad: &Triad) -> Option<Value> {
         "bias": bias.map(|entry| entry + 0.0),
         "sensitivity": rows(&row_major(&known.sensitivity)),
     });
+    if triad.sensitivity.is_empty() {
+        value["sensitivity_is"] = json!(ASSUMED);
+    }
     for (name, values) in [
         ("g_sensitivity", &triad.g_sensitivity),
         ("g2_sensitivity", &triad.g2_sensitivity),
@@ -73,6 +76,9 @@ fn numbers(triad: &Triad) -> Option<Value> {
     let is_finite = bias.iter().chain(known.sensitivity.iter()).all(|entry| entry.is_finite());
     is_finite.then_some(value)
 }
+
+/// What is said of a sensitivity that nothing told.
+const ASSUMED: &str = "not estimated: the identity, as if it had no error";
 
 fn unit(triad: &Triad) -> &'static str {
     if triad.sensor == "gyroscope" { "rad/s" } else { "m/s²" }
@@ -94,9 +100,10 @@ fn numpy(triads: &[(&Triad, Value)]) -> String {
         let (bias, s) = (&numbers["bias"], &numbers["sensitivity"]);
         let _ = write!(
             text,
-            "\n# {}, {}: readings as rows of three\n{name}_bias = np.array({bias})\n{name}_S = np.array({s})\n",
+            "\n# {}, {}: readings as rows of three{}\n{name}_bias = np.array({bias})\n{name}_S = np.array({s})\n",
             triad.sensor.escape_default(),
-            unit(triad)
+            unit(triad),
+            if triad.sensitivity.is_empty() { format!("; S was {ASSUMED}") } else { String::new() }
         );
         match matrix(&triad.g_sensitivity) {
             Some(_) => {

@@ -24,7 +24,10 @@ pub(super) fn rejected(imu: &Imu<'_>) -> Option<Markup> {
         html! {
             tr {
                 td.n { (rest.number) } td.n { (moment(rest.from)) } td.n { (length(rest)) }
-                td { b { (reason) } " " (rest.segment.explanation) }
+                td {
+                    b { (reason) } " " (rest.segment.explanation)
+                    @if imu.findings.is_used_in_part(rest.segment) { " (used for what is known in part)" }
+                }
             }
         }
     };
@@ -47,14 +50,19 @@ pub(super) fn near_misses(imu: &Imu<'_>) -> Option<Markup> {
         html! {
             tr {
                 td.n { (moment(from)) } td.n { (format!("{:.0} s", (until - from).max(1.0))) }
-                td.n { (format!("{:.1}", miss.lowest)) } td.n { (format!("{:.1}", miss.enter)) }
+                td.n { (format!("{:.1}", miss.lowest)) }
+                td { (imu.findings.face_of(miss).unwrap_or_default()) } td { (imu.findings.sensor_of(miss).unwrap_or_default()) }
             }
         }
     };
     let rows: Vec<_> = misses.iter().map(row).collect();
-    let head = html! { th.n { "at" } th.n { "for about" } th.n { "noise floors reached" } th.n { "asked" } };
+    let asked = misses.iter().map(|miss| miss.enter).fold(f64::INFINITY, f64::min);
+    let head = html! { th.n { "at" } th.n { "for" } th.n { "quietest" } th { "face up" } th { "louder" } };
     let content = html! {
-        p.dim { "To take them: " (advice) "." }
+        p.dim {
+            "Quietest is in noise floors, of which " (format!("{asked:.1}")) " are asked; louder is the sensor that kept it from being a "
+            "rest. To take them: " (advice) "."
+        }
         (table(None, Some(head), &rows))
         (more(misses.count(), rows.len()))
     };
@@ -73,9 +81,7 @@ pub(super) fn accepted(imu: &Imu<'_>) -> Option<Markup> {
     let row = |rest: &&Rest<'_>| {
         let placement = placements.get(&rest.segment.placement).copied().unwrap_or_default();
         let tilt = rest.segment.tilt_deg.map(|tilt| format!("{tilt:.1}°")).unwrap_or_default();
-        let value = |value: Option<f64>, decimals| {
-            value.map(|v| format!("{v:+.decimals$}").replace('-', "−")).unwrap_or_default()
-        };
+        let value = |value: Option<f64>, decimals| value.map(|v| format!("{v:+.decimals$}")).unwrap_or_default();
         html! {
             tr {
                 td.n { (rest.number) } td.n { (moment(rest.from)) } td.n { (length(rest)) }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::elements::{section, table};
+use super::elements::{axes, section, table};
 use super::imu::{Imu, Rest};
 use crate::Stamp;
 use crate::messages::Vector3;
@@ -169,14 +169,12 @@ fn bands_plain(imu: &Imu<'_>, plot: &mut Plot) {
 /// Table of the median standard deviation of one sample during the rests, sensor by sensor; `None` without any.
 fn noise(imu: &Imu<'_>) -> Option<Markup> {
     let rows: Vec<_> = imu.sensors().into_iter().map(|sensor| noise_of(imu, sensor)).collect();
-    let head = html! {
-        th {} th.n { "x" } th.n { "y" } th.n { "z" }
-        th.n title="how many uncorrelated samples say as much" { "uncorrelated" }
-    };
+    let shares: Vec<_> = imu.sensors().into_iter().map(|sensor| uncorrelated(imu, sensor)).collect();
     let content = || {
         html! {
             p.dim { "Noise of one sample at rest: median standard deviation over the rests" }
-            (table(None, Some(head), &rows))
+            (table(None, Some(axes()), &rows))
+            p.dim { "Of uncorrelated samples, this share would say as much: " (shares.join(", ")) "." }
         }
     };
     (!rows.is_empty()).then(content)
@@ -189,14 +187,19 @@ fn noise_of(imu: &Imu<'_>, sensor: &str) -> Markup {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
     };
-    let (effective, samples) = means().fold((0.0, 0), |(e, n), mean| (e + mean.effective_samples, n + mean.samples));
-    let uncorrelated = (100.0 * effective / samples.max(1) as f64).min(100.0);
     let unit = if sensor == "gyroscope" { "rad/s" } else { "m/s²" };
     html! {
         tr {
             th { (sensor) " " small { (unit) } }
             @for std in [median(|v| v.x), median(|v| v.y), median(|v| v.z)] { td.n { (format!("{std:.5}")) } }
-            td.n { (format!("{uncorrelated:.0} %")) }
         }
     }
+}
+
+/// Share of a sensor's samples at rest that uncorrelated ones would need, to say as much.
+fn uncorrelated(imu: &Imu<'_>, sensor: &str) -> String {
+    let means = imu.rests.iter().flat_map(|rest| &rest.segment.means).filter(|mean| mean.sensor == sensor);
+    let (effective, samples) = means.fold((0.0, 0), |(e, n), mean| (e + mean.effective_samples, n + mean.samples));
+    let share = (100.0 * effective / samples.max(1) as f64).min(100.0);
+    format!("{sensor} {share:.0} %")
 }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::elements::{breakable, minus, sentence};
+use super::elements::{breakable, sentence};
 use super::imu::Imu;
 use crate::messages::Triad;
 use crate::report::{Findings, model};
@@ -18,9 +18,9 @@ pub(super) fn section(imu: &Imu<'_>) -> Markup {
             @if topic != name { " " small { (breakable(topic)) } }
         }
         p.badges { @for triad in imu.findings.triads() { (badge(triad)) " " } }
-        p class=(class) { b { (label) } " " (minus(&sentence(&next))) }
+        p class=(class) { b { (label) } " " (sentence(&next)) }
         @if let Some(why) = why {
-            p.why { "No accelerometer calibration: " (minus(why.trim_end_matches('.'))) "." }
+            p.why { "No accelerometer calibration: " (why.trim_end_matches('.')) "." }
         }
         div.tiles { (tiles(imu)) }
     }

@@ -26,6 +26,8 @@ pub struct Recording {
     original: Original,
     /// Configuration of the annotations beside the original, as TOML.
     annotated_with: Option<String>,
+    /// What shows that another program edited the file after it was annotated.
+    edited: Option<&'static str>,
 }
 
 impl Recording {
@@ -41,13 +43,13 @@ impl Recording {
     fn open_for(path: &Path, access: Access) -> Result<Self, Error> {
         let source = Source::open(path, access)?;
         let original = Original::whole(source.length());
-        Ok(Self { source, path: path.to_owned(), original, annotated_with: None })
+        Ok(Self { source, path: path.to_owned(), original, annotated_with: None, edited: None })
     }
 
     /// A recording of this length whose file is already open.
     pub(crate) fn of_file(file: File, path: &Path, length: u64) -> Self {
         let (source, original) = (Source::of_file(file, length), Original::whole(length));
-        Self { source, path: path.to_owned(), original, annotated_with: None }
+        Self { source, path: path.to_owned(), original, annotated_with: None, edited: None }
     }
 
     /// The original in the file, if Stillpoint annotated it.
@@ -78,12 +80,14 @@ impl Recording {
                 Ok(Self { original, annotated_with: settings.remove("configuration"), ..file })
             }
             FileKind::Sidecar { .. } => Err(file.is_a_sidecar()),
-            FileKind::Edited { why } => {
-                let path = path.display();
-                tracing::warn!("{path}: was annotated, then edited by another program ({why}); what it added stays");
-                Ok(file)
-            }
+            FileKind::Edited { why } => Ok(Self { edited: Some(why), ..file }),
         }
+    }
+
+    /// Note on a recording that another program edited after it was annotated, if one did.
+    pub(crate) fn edit(&self) -> Option<String> {
+        let why = self.edited?;
+        Some(format!("was annotated, then edited by another program ({why}); what it added stays"))
     }
 
     /// Opens a file that Stillpoint annotated. The recording is the original in it.
@@ -148,7 +152,7 @@ impl Recording {
     pub(crate) fn again(&self) -> Result<Self, Error> {
         let source = self.source.again().map_err(Error::io("read", &self.path))?;
         let (path, original) = (self.path.clone(), self.original.clone());
-        Ok(Self { source, path, original, annotated_with: self.annotated_with.clone() })
+        Ok(Self { source, path, original, annotated_with: self.annotated_with.clone(), edited: self.edited })
     }
 
     /// Log time of the first message, in nanoseconds; `None` without messages.

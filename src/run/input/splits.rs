@@ -11,6 +11,7 @@ use crate::record::{Damage, Event, FileKind, Limits};
 use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::{self, Bag, is_blank};
 use crate::run::input::scan_file::Listener;
+use crate::run::limits::check_files;
 use crate::run::output::in_place::Access;
 use crate::run::output::reads::Reads;
 use crate::topic;
@@ -80,6 +81,7 @@ impl Input {
     /// As [`open_original`](Self::open_original).
     pub fn join(paths: &[PathBuf], access: Access) -> Result<Self, Error> {
         let (mut splits, mut blank) = (Vec::new(), Vec::new());
+        check_files(paths.first().map_or(Path::new(""), PathBuf::as_path), paths.len(), 1)?;
         for (index, path) in paths.iter().enumerate() {
             if path.is_dir() {
                 return Err(Error::input(path, "is a folder, which is one recording already; --join takes files"));
@@ -106,6 +108,7 @@ impl Input {
 
     fn all(bag: Bag, mut open: impl FnMut(&Path) -> Result<Recording, Error>) -> Result<Self, Error> {
         let path = bag.folder().to_owned();
+        check_files(&path, bag.names().count(), 1)?;
         let splits = bag.names().map(|name| open(&path.join(name))).collect::<Result<_, _>>()?;
         let blank = bag.blank().map(|name| damage(&path.join(name))).collect::<Result<_, _>>()?;
         Ok(Self { path, splits, bag: Some(bag), blank })
@@ -145,6 +148,11 @@ impl Input {
     pub fn reads(&self) -> Reads {
         let folder = self.bag.iter().map(Bag::folder);
         Reads::of(self.splits.iter().map(Recording::path).chain(folder).chain([self.path()]))
+    }
+
+    /// Notes on its files that another program edited after they were annotated, one line each.
+    pub fn edits(&self) -> impl Iterator<Item = String> {
+        self.splits.iter().filter_map(|split| Some(format!("{}: {}", split.path().display(), split.edit()?)))
     }
 
     /// Names of its files in which nothing was recorded, and their damage.

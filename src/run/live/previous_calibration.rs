@@ -10,7 +10,7 @@ use crate::messages::Calibration;
 use crate::pipeline::correction::{corrected, corrected_topic};
 use crate::pipeline::sources::Sources;
 use crate::record::{Annotation, Channel, Event, Message, Schema, Topic};
-use crate::report::{Findings, same};
+use crate::report::{Earlier, Findings};
 
 /// Corrections for the messages of one recording.
 pub(super) struct PreviousCalibration {
@@ -19,6 +19,8 @@ pub(super) struct PreviousCalibration {
     /// Corrections by output name of the IMU; `None` for an IMU without one, or whose corrected messages are written.
     by: BTreeMap<String, Option<Corrections>>,
     are_written: bool,
+    /// Name of the IMU whose counterpart goes by another one, while it is the only IMU.
+    alone: Option<String>,
 }
 
 impl PreviousCalibration {
@@ -28,6 +30,7 @@ impl PreviousCalibration {
             sources: Sources::new(config),
             by: BTreeMap::new(),
             are_written: config.output.corrected == crate::annotate::Corrected::Causal,
+            alone: None,
         }
     }
 
@@ -42,10 +45,19 @@ impl PreviousCalibration {
     pub(super) fn correct(&mut self, message: &Message<'_>) -> Vec<(Topic, Annotation)> {
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut |_, _, _| {});
         self.sources.intake.take_notices();
-        for imu in self.sources.intake.imus() {
+        let imus = self.sources.intake.imus();
+        if imus.len() > 1
+            && let Some(alone) = self.alone.take()
+        {
+            // It stood for an IMU of another name while that was the only one.
+            self.by.insert(alone, None);
+        }
+        for imu in imus {
             if !self.by.contains_key(&imu.name) {
-                let then = same(&self.calibrations, &imu.name, &imu.topic);
-                let corrections = then.and_then(|then| then.calibration.as_ref()).map(Corrections::of);
+                let recorded = imus.iter().map(|imu| (imu.name.as_str(), imu.topic.as_str()));
+                let then = Earlier::among(&self.calibrations, recorded).of(&imu.name, &imu.topic).ok();
+                self.alone = then.as_ref().and_then(|then| then.note.as_ref()).map(|_| imu.name.clone());
+                let corrections = then.and_then(|then| then.findings.calibration.as_ref()).map(Corrections::of);
                 self.by.insert(imu.name.clone(), corrections);
             }
         }
@@ -62,6 +74,7 @@ impl PreviousCalibration {
         if is_only_partial(calibration) {
             return;
         }
+        self.alone.take_if(|alone| alone == imu);
         let own = (!self.are_written).then(|| Corrections::of(calibration));
         self.by.insert(imu.to_owned(), own);
     }

@@ -8,6 +8,7 @@ use crate::record::Topic;
 use crate::run::input::recording::Recording;
 use crate::run::input::rosbag2::{Contents, METADATA, ORIGINAL};
 use crate::run::input::splits::Input;
+use crate::run::limits::check_files;
 use crate::run::output::file::Output;
 use crate::run::output::folder::{self, Folder};
 use crate::run::output::options::{Form, Options};
@@ -41,6 +42,10 @@ impl<'a> OutputSet<'a> {
         let reads = input.reads();
         let mark = ResultMark { input: input.identity(), ..mark };
         let files = |outputs: Vec<Output>| Destination::Files { next: outputs.into_iter(), whole: Vec::new() };
+        if options.form == Form::InPlace {
+            // Each file, and what is to be written behind it.
+            check_files(input.path(), input.splits.len(), 2)?;
+        }
         let place = match (options.form, &input.bag) {
             (Form::InPlace, _) => files(input.splits.iter().map(Output::itself).collect::<Result<_, _>>()?),
             (Form::Annotated, Some(_)) if is_url(&path) => {

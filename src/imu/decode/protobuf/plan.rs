@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::imu::schema::layout::{Coding, Count, Field, Hop, Kind, Layout, Number, Place, Tag};
 use crate::imu::schema::lookup::PathError;
-use crate::imu::schema::path::Element;
+use crate::imu::schema::path::{Element, Stride};
 
 /// Plan of a message from which something is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,8 +42,8 @@ pub(super) enum Take {
         number: Number,
         coding: Coding,
         slots: Vec<(u32, usize)>,
-        /// Slots of every element.
-        every: Vec<usize>,
+        /// Slots of several elements.
+        every: Vec<(usize, Stride)>,
     },
     /// A list of messages: the elements from which something is read.
     Messages {
@@ -57,7 +57,7 @@ pub(super) enum Take {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct EveryElement {
     pub(super) plan: ProtobufPlan,
-    pub(super) slots: Vec<usize>,
+    pub(super) slots: Vec<(usize, Stride)>,
     /// One bit for each [`ProtobufPlan::id`] in it, and its lists, which each element begins anew.
     pub(super) ids: u32,
     pub(super) lists: Vec<usize>,
@@ -94,13 +94,15 @@ impl ProtobufPlan {
     }
 
     /// Field numbers on the path to a number of fixed size, its own last, and its type. Empty if a list is on the path,
-    /// since lists omit no element.
+    /// since lists omit no element; [`grown`](Self::grown) adds what is missing inside one.
     pub(in crate::imu::decode) fn way(&self, slot: usize) -> Option<(Vec<u32>, Number)> {
         self.fields.iter().find_map(|wanted| match &wanted.take {
             Take::Number { number, coding: Coding::Fixed, slots } if slots.contains(&slot) => {
                 Some((vec![wanted.number], *number))
             }
-            Take::Numbers { number, coding: Coding::Fixed, slots, .. } if slots.iter().any(|&(_, own)| own == slot) => {
+            Take::Numbers { number, coding: Coding::Fixed, slots, every, .. }
+                if slots.iter().any(|&(_, own)| own == slot) || every.iter().any(|&(own, _)| own == slot) =>
+            {
                 Some((Vec::new(), *number))
             }
             Take::Message(inner) => {
@@ -110,8 +112,9 @@ impl ProtobufPlan {
                 }
                 Some((way, number))
             }
-            Take::Messages { elements, .. } => {
-                elements.iter().find_map(|(_, inner)| inner.way(slot)).map(|(_, number)| (Vec::new(), number))
+            Take::Messages { elements, every, .. } => {
+                let plans = elements.iter().map(|(_, inner)| inner).chain(every.iter().map(|every| &every.plan));
+                plans.into_iter().find_map(|inner| inner.way(slot)).map(|(_, number)| (Vec::new(), number))
             }
             _ => None,
         })
@@ -179,14 +182,16 @@ impl ProtobufCompiler<'_> {
             (Take::Numbers { slots, .. }, Some(Element::At(element)), Some(slot)) => {
                 return slots.push((element, slot));
             }
-            (Take::Numbers { every, .. }, Some(Element::Every), Some(slot)) => return every.push(slot),
+            (Take::Numbers { every, .. }, Some(Element::Each(stride)), Some(slot)) => {
+                return every.push((slot, stride));
+            }
             (Take::Message(inner), ..) => inner,
-            (Take::Messages { every, .. }, Some(Element::Every), Some(slot)) => {
+            (Take::Messages { every, .. }, Some(Element::Each(stride)), Some(slot)) => {
                 let every = every.get_or_insert_with(|| {
                     let plan = self.protobuf();
                     Box::new(EveryElement { plan, slots: Vec::new(), ids: 0, lists: Vec::new() })
                 });
-                every.slots.push(slot);
+                every.slots.push((slot, stride));
                 &mut every.plan
             }
             (Take::Messages { elements, .. }, Some(Element::At(element)), _) => {

@@ -5,6 +5,7 @@ use super::wire;
 use crate::imu::decode::lists::Lists;
 use crate::imu::decode::malformed::Malformed;
 use crate::imu::schema::layout::{Coding, Number};
+use crate::imu::schema::path::Stride;
 
 impl ProtobufPlan {
     /// Walks a message and returns the text. A missing number has its field's default, or NaN if the message or list
@@ -82,15 +83,13 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
             }
             Take::Numbers { list, number, coding, slots, every } if kind == number.wire(*coding) => {
                 let value = self.number(*number, *coding, end)?;
-                self.element(*list, slots, value);
-                every.iter().for_each(|&slot| self.lists.push(slot, value));
+                self.element(*list, slots, every, value);
             }
             Take::Numbers { list, number, coding, slots, every } if kind == wire::LEN => {
                 let end = self.length(end)?;
                 while self.at < end {
                     let value = self.number(*number, *coding, end)?;
-                    self.element(*list, slots, value);
-                    every.iter().for_each(|&slot| self.lists.push(slot, value));
+                    self.element(*list, slots, every, value);
                 }
             }
             Take::Text if kind == wire::LEN => {
@@ -102,15 +101,16 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
                 let end = self.length(end)?;
                 self.message(inner, end)?;
             }
-            Take::Messages { every: Some(every), .. } if kind == wire::LEN => {
+            Take::Messages { list, every: Some(every), .. } if kind == wire::LEN => {
                 let end = self.length(end)?;
+                let count = self.next(*list);
                 self.begun &= !every.ids;
                 for &list in &every.lists {
                     self.counts.get_mut(list).into_iter().for_each(|count| *count = 0);
                 }
-                every.slots.iter().for_each(|&slot| self.put(slot, f64::NAN));
+                every.slots.iter().for_each(|&(slot, _)| self.put(slot, f64::NAN));
                 self.message(&every.plan, end)?;
-                for &slot in &every.slots {
+                for &(slot, _) in every.slots.iter().filter(|(_, stride)| stride.takes(count)) {
                     self.lists.push(slot, self.numbers.get(slot).copied().unwrap_or(f64::NAN));
                 }
             }
@@ -134,9 +134,10 @@ impl<const LOCATE: bool> ProtobufWalk<'_, '_, LOCATE> {
         *count - 1
     }
 
-    fn element(&mut self, list: usize, slots: &[(u32, usize)], value: f64) {
+    fn element(&mut self, list: usize, slots: &[(u32, usize)], every: &[(usize, Stride)], value: f64) {
         let count = self.next(list);
         slots.iter().filter(|(element, _)| *element == count).for_each(|&(_, slot)| self.put(slot, value));
+        every.iter().filter(|(_, stride)| stride.takes(count)).for_each(|&(slot, _)| self.lists.push(slot, value));
     }
 
     #[inline]

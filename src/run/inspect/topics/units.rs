@@ -69,6 +69,12 @@ fn of_gyroscope(peeked: &Peeked<'_>, remarks: &mut Remarks) {
     }
 }
 
+/// Standard gravity, m/s², and how far off readings are as they should be.
+const STANDARD: f64 = 9.80665;
+const AS_IT_SHOULD: f64 = 0.35;
+/// Readings at rest, relative to gravity, that a large bias or another range explains, and no other unit.
+const PLAUSIBLE: std::ops::Range<f64> = 0.45..2.2;
+
 fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Remarks) {
     let Some((quietest, quiet)) = peeked.peek.at_rest() else { return };
     let set = peeked.units.0.filter(|_| peeked.sensor == Sensor::Accelerometer);
@@ -78,8 +84,14 @@ fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Rem
         false => UnitFinding::Unknown,
     };
     match finding {
-        UnitFinding::Confirmed => {
+        UnitFinding::Confirmed if (rest - STANDARD).abs() < AS_IT_SHOULD => {
             remarks.offered = Some(format!("accelerometer: reads {rest:.2} m/s² at rest, as it should"));
+        }
+        UnitFinding::Confirmed => {
+            remarks.offered = Some(format!(
+                "accelerometer: reads {rest:.2} m/s² at rest, where gravity is {STANDARD:.2}: in m/s², with a bias or a scale that \
+                 is off by as much"
+            ));
         }
         UnitFinding::Other(text, unit) => {
             remarks.always.push(format!("accelerometer: {text}"));
@@ -92,6 +104,10 @@ fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Rem
                  be calibrated by it. Record the accelerometer as it reads, gravity included"
             ));
         }
+        UnitFinding::Unknown if quiet && PLAUSIBLE.contains(&(rest / STANDARD)) => remarks.always.push(format!(
+            "accelerometer: reads {rest:.2} m/s² where it is quietest, and gravity is {STANDARD:.2}: no other unit would read so; a \
+             large bias or scale, which annotate tells, or another range than its driver assumes"
+        )),
         UnitFinding::Unknown => remarks.always.push(format!(
             "accelerometer: reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity \
              removed?"
