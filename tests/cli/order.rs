@@ -20,6 +20,22 @@ fn one_behind_the_other(
 }
 
 #[test]
+fn readings_repeated_under_a_coarse_clock_count_once() {
+    for (times, step) in [(3, 100_000_000), (6, 100_000_000), (3, 1_000_000_000), (4, 30_000_000)] {
+        let samples = six_faces();
+        let polled = samples.iter().flat_map(|m| {
+            let stamp = START + m.at - m.at % step;
+            (0..times).map(move |k| ("/imu", START + m.at + k * 1_500_000, both(m, stamp)))
+        });
+        let said = learns_the_truth(&recording(polled), MAPPED, GYRO_BIAS);
+        let line = said.lines().find(|line| line.contains("repeat a reading under its stamp, and count once"));
+        let line = line.unwrap_or_else(|| panic!("{times}, {step}: {said}"));
+        let count = line.split(" of ").next().unwrap().rsplit(' ').next().unwrap();
+        assert_eq!(count.parse(), Ok(samples.len() * (times as usize - 1)), "{times}, {step}: {said}");
+    }
+}
+
+#[test]
 fn sensors_that_were_logged_as_they_were_written_are_read_in_the_order_of_their_stamps() {
     for topics in [["/a", "/g"], ["/g", "/a"]] {
         // At once, and at some pace of the converter.

@@ -612,3 +612,26 @@ fn a_temperature_is_read_from_the_topic_that_is_configured_and_is_refused_where_
     let role = door.channel(1, "/imu", &imu_schema());
     assert!(matches!(role, ChannelRole::Skipped(why) if why.contains("temprature")), "{role}");
 }
+
+#[test]
+fn a_gyroscope_whose_messages_have_room_for_an_accelerometer_is_called_alone_if_that_was_not_measured() {
+    let rates = [0.1, 0.2, 0.3];
+    let obstacles = |accel: [f64; 3], marks: [f64; 2]| {
+        let mut door = Door::new("");
+        door.channel(1, "/camera/gyro/sample", &imu_schema());
+        let numbers = [&rates[..], &marks[..1], &accel[..], &marks[1..]].concat();
+        (0..120).for_each(|i| door.message(1, i, &message((1, i as u32), "link", &numbers)));
+        door.intake.obstacles().join("; ")
+    };
+    let alone = "/camera/gyro/sample is a gyroscope alone; an IMU needs an accelerometer";
+    for (accel, marks) in [([0.0; 3], [0.0; 2]), ([0.0; 3], [0.0, -1.0]), ([1.0, 2.0, 9.8], [0.0, -1.0])] {
+        let said = obstacles(accel, marks);
+        assert!(said.contains(alone) && said.contains("accelerometer: 120 readings refused"), "{said}");
+    }
+    // Neither was measured, or the accelerometer reads nonsense.
+    for (accel, marks) in [([1.0, 2.0, 9.8], [-1.0, -1.0]), ([f64::NAN, 2.0, 9.8], [0.0, 0.0])] {
+        let said = obstacles(accel, marks);
+        assert!(!said.contains("alone") && said.contains("accelerometer: 120 readings refused"), "{said}");
+    }
+    assert_eq!(obstacles([1.0, 2.0, 9.8], [0.0; 2]), "");
+}

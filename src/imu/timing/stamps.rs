@@ -264,10 +264,22 @@ impl Stamps {
             step = if self.step > 0 { self.step } else { usual };
         }
         let parts = held.len() as i64 + 1;
-        for (i, (_, readings)) in (1..).zip(&held) {
+        let repeats = self.repeats(&held);
+        self.counts.repeats += repeats.iter().filter(|repeats| **repeats).count() as u64;
+        let fresh = (1..).zip(&held).zip(repeats).filter(|(_, repeats)| !repeats);
+        for ((i, (_, readings)), _) in fresh {
             self.counts.spread += 1;
             tell(readings, stamp.saturating_add((i128::from(step) * i128::from(i) / i128::from(parts)) as i64), sink);
         }
+    }
+
+    /// Which of the held messages repeat the one before them: a driver that is polled faster than its sensor measures repeats
+    /// most, under a coarse clock, too. Fewer are chance.
+    fn repeats(&self, held: &[(u64, Vec<Read>)]) -> Vec<bool> {
+        let before = std::iter::once(&self.first).chain(held.iter().map(|(_, readings)| readings));
+        let repeats: Vec<_> = held.iter().zip(before).map(|((_, readings), before)| same(before, readings)).collect();
+        let count = repeats.iter().filter(|repeats| **repeats).count();
+        if 2 * count > held.len() { repeats } else { vec![false; held.len()] }
     }
 
     /// Unwraps a stamp. A wrap is a fall by the range of a 32-bit counter after which the stamp continues as the log
