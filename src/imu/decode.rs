@@ -1,6 +1,7 @@
 //! Message bytes to numbers: a [`Decoder`] is compiled once per channel from its layout, and walks each message without
 //! building values.
 
+mod encoding;
 mod json;
 pub(super) mod lists;
 pub(super) mod malformed;
@@ -13,6 +14,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use self::encoding::{Encoding, HEADER, encapsulated};
 use self::json::Pick;
 use self::lists::Lists;
 use self::malformed::Malformed;
@@ -25,19 +27,6 @@ use crate::imu::schema::path::{Element, FieldPath};
 /// Decoder of the same few numbers in each message of a channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decoder(Encoding);
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Encoding {
-    /// Each message states which of these it uses.
-    Cdr {
-        xcdr1: Plan,
-        xcdr2: Plan,
-        delimited: Plan,
-    },
-    Ros1(Plan),
-    Protobuf(ProtobufPlan),
-    Json(Pick),
-}
 
 impl Decoder {
     /// Decoder for `numbers` and for a text (empty if none is requested).
@@ -114,26 +103,3 @@ fn unmixed(numbers: &[Place]) -> Result<(), PathError> {
     }
     Ok(())
 }
-
-/// Plan for the encapsulation that a message states, and whether its numbers are big-endian.
-fn encapsulated<'p>(
-    data: &[u8],
-    xcdr1: &'p Plan,
-    xcdr2: &'p Plan,
-    delimited: &'p Plan,
-) -> Result<(&'p Plan, bool), Malformed> {
-    let truncated = Malformed::Truncated { offset: 0, wanted: HEADER, len: data.len() };
-    let &[high, low, ..] = data.first_chunk::<HEADER>().ok_or(truncated)?;
-    let identifier = u16::from_be_bytes([high, low]);
-    // Identifiers of DDS-XTypes 1.3 and, from 0x10 on, those of its drafts that are still in use.
-    let plan = match identifier {
-        0x00 | 0x01 => xcdr1,
-        0x06 | 0x07 | 0x10 | 0x11 => xcdr2,
-        0x08 | 0x09 | 0x14 | 0x15 => delimited,
-        _ => return Err(Malformed::Encapsulation { identifier }),
-    };
-    Ok((plan, identifier.is_multiple_of(2)))
-}
-
-/// Length of the encapsulation header: a representation identifier and two bytes of options.
-const HEADER: usize = 4;

@@ -1,6 +1,7 @@
 //! Correction of the readings' times before they are used: stamps that stand still, wrap, stray or are in another unit,
 //! and readings that arrive a little late. Larger gaps and delays are left to the segmenter.
 
+mod log_interval;
 mod opening;
 mod order;
 mod read;
@@ -70,11 +71,6 @@ impl Timing {
         remarks.extend(self.orders.get(imu.index()).and_then(Order::remark));
         remarks
     }
-}
-
-/// Nanoseconds from log time `log` to `log_time`.
-fn since(log_time: u64, log: u64) -> i64 {
-    i64::try_from(i128::from(log_time) - i128::from(log)).unwrap_or(i64::MAX)
 }
 
 /// Number of leading readings up to the second one of a sensor.

@@ -184,7 +184,7 @@ pub fn explain(turns: &[SeenTurn], scales: &[f64]) -> Explanation {
                 axes: reading.axes,
             }
         }
-        (false, _) if let Some(per_radian) = unknown_unit(turns).filter(|_| !few) => {
+        (false, _) if let Some(per_radian) = unknown_unit(turns) => {
             Explanation::Otherwise { per_radian, or: None, axes: AxisOrder::RIGHT }
         }
         (false, _) if turns.len() >= LEAST_TURNS && as_it_is < -SURE && best < SURE => {
@@ -203,10 +203,15 @@ fn unknown_unit(turns: &[SeenTurn]) -> Option<f64> {
     const STEPS: i32 = 70;
     /// Negative log prior of such a unit beside one that is known.
     const UNHEARD_OF: f64 = 3.0;
+    // A rate that stops at the end of its range seems too small.
+    let whole: Vec<_> = turns.iter().filter(|turn| !turn.clipped).cloned().collect();
+    if whole.len() < LEAST_TURNS {
+        return None;
+    }
     let tried = (-STEPS..=STEPS).map(|step| libm::exp(f64::from(step) * STEP));
     let tried = tried.map(|per_radian| {
         let hypothesis = Hypothesis { per_radian, axes: AxisOrder::RIGHT };
-        (hypothesis.odds(turns) - UNHEARD_OF, per_radian)
+        (hypothesis.odds(&whole) - UNHEARD_OF, per_radian)
     });
     let tried: Vec<_> = tried.collect();
     let &(best, per_radian) = tried.iter().max_by(|(a, _), (b, _)| a.total_cmp(b))?;

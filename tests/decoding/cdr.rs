@@ -66,7 +66,8 @@ pub(super) fn fields(wide: bool) -> impl Strategy<Value = Vec<Field>> {
         (prop::collection::vec(field(inner), 0..5), evolution())
             .prop_map(|(fields, evolution)| Kind::Message(fields, evolution))
     });
-    prop::collection::vec(field(kind.boxed()), 0..6)
+    // A message without fields is no layout.
+    prop::collection::vec(field(kind.boxed()), 1..6)
 }
 
 pub(super) fn wires() -> impl Strategy<Value = Wire> {

@@ -306,8 +306,12 @@ fn what_a_format_cannot_hold_is_refused() {
     // Those of the sensors themselves, of the slot that is written.
     for (slot, name) in [(0, "CAL_GYRO0_ROT"), (0, "CAL_ACC0_ROT"), (1, "CAL_ACC1_ROT"), (1, "CAL_GYRO1_ROT")] {
         let in_force = |rotation: i32| {
-            let zeros = "CAL_ACC0_XOFF,0\nCAL_ACC1_XOFF,0\nCAL_GYRO0_XOFF,0\nCAL_GYRO1_XOFF,0\n";
-            let parameters = Parameters::parse(&format!("{zeros}{name},{rotation}\n")).unwrap();
+            let none = ["ACC0", "ACC1", "GYRO0", "GYRO1"].into_iter().flat_map(|sensor| {
+                let axis = |axis| format!("CAL_{sensor}_{axis}OFF,0\nCAL_{sensor}_{axis}SCALE,1\n");
+                ["X", "Y", "Z"].map(axis)
+            });
+            let none: String = none.collect();
+            let parameters = Parameters::parse(&format!("{none}{name},{rotation}\n")).unwrap();
             Options { slot, readings: Readings::Corrected(parameters), ..raw(Axes::Frd) }
         };
         assert!(refused(&diagonal, "px4", &in_force(6)).contains(name), "{name}");

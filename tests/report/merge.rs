@@ -126,6 +126,10 @@ fn one_wrong_placement_of_a_session_is_no_other_sensor() {
             let merged = only(&joined(&all));
             let history = &merged.history;
             assert!(history.changes.is_empty(), "{count}, {wrong}, {off}: {:#?}", history.changes);
+            if off > 0.0 {
+                // Too little to stand out from what scatters.
+                continue;
+            }
             let named = history.strays.iter().flatten();
             // Of two sessions that contradict each other both rests are named.
             let on_its_day = named.filter(|start| start.nanos() / DAY == wrong).count();

@@ -1,9 +1,10 @@
 //! Copies of messages with other numbers, in the same encoding; all other bytes stay.
 
+use super::Decoder;
+use super::encoding::{Encoding, HEADER, encapsulated};
 use super::json::Pick;
 use super::lists::Lists;
 use super::protobuf::{Missing, alone};
-use super::{Decoder, Encoding, HEADER, encapsulated};
 use crate::imu::schema::layout::Number;
 
 /// A number to be changed.

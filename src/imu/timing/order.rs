@@ -1,5 +1,7 @@
-//! Readings of one IMU, sorted by stamp if they arrive a little late: each is held back until those that may come so much
-//! later have come.
+//! Readings of one IMU, sorted by stamp if they arrive a little late.
+//!
+//! Readings are held back at the beginning, so that the first late ones are not lost. Once [`CALM`] readings have
+//! arrived in order, over twice the allowed delay or more, none is held back until one is late.
 
 use std::collections::VecDeque;
 
@@ -9,6 +11,8 @@ use super::read::Read;
 use crate::imu::sample::{Reading, Sample};
 use crate::plural::counted;
 
+/// Number of readings in order after which none is held back any more.
+const CALM: u32 = 200;
 /// Number of consecutive readings beyond the allowed delay that show that the clock was set back.
 const PATIENCE: u32 = 5;
 /// Largest number of held readings per sensor.
@@ -18,14 +22,19 @@ const MOST_HELD: usize = 1 << 14;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Order {
     late_nanos: i64,
+    holds: bool,
     /// Whether a reading was ever late.
     ever: bool,
+    calm: u32,
+    /// First stamp, ns.
+    first: Option<i64>,
     /// Queues by sensor.
     queues: Vec<HeldBack>,
     count: u64,
     /// Largest log time released so far: no result was known earlier.
     log_time: u64,
     moved: u64,
+    lost: u64,
 }
 
 /// Held readings of one sensor, in order.
@@ -40,7 +49,18 @@ struct HeldBack {
 
 impl Order {
     pub(super) fn new(late_nanos: i64) -> Self {
-        Self { late_nanos, ever: false, queues: Vec::new(), count: 0, log_time: 0, moved: 0 }
+        Self {
+            late_nanos,
+            holds: late_nanos > 0,
+            ever: false,
+            calm: 0,
+            first: None,
+            queues: Vec::new(),
+            count: 0,
+            log_time: 0,
+            moved: 0,
+            lost: 0,
+        }
     }
 
     /// Adds a reading.
@@ -69,8 +89,14 @@ impl Order {
         queue.behind = 0;
         queue.newest = Some(newest.max(stamp));
         if late > 0 {
-            self.moved += u64::from(matches!(reading, Reading::Sample(_)));
-            self.ever = true;
+            match self.holds {
+                true => self.moved += u64::from(matches!(reading, Reading::Sample(_))),
+                false => self.lost += 1,
+            }
+            (self.ever, self.holds, self.calm) = (true, self.late_nanos > 0, 0);
+        }
+        if !self.holds {
+            return self.tell(read, sink);
         }
         self.count += 1;
         let at = queue.held.iter().rposition(|&(held, ..)| held <= stamp).map_or(0, |at| at + 1);
@@ -79,6 +105,13 @@ impl Order {
             true => newest,
             false => newest.max(stamp).saturating_sub(self.late_nanos),
         };
+        self.calm += 1;
+        let first = *self.first.get_or_insert(stamp);
+        let is_long = newest.max(stamp).saturating_sub(first) >= self.late_nanos.saturating_mul(2);
+        if self.calm >= CALM && is_long && !self.ever {
+            self.holds = false;
+            return self.let_go(None, sink);
+        }
         self.let_go(Some(until), sink);
     }
 
@@ -90,9 +123,13 @@ impl Order {
     /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
         let ms = (self.late_nanos as f64 * 1e-3).round() * 1e-3;
-        (self.moved > 0).then(|| {
+        (self.moved + self.lost > 0).then(|| {
+            let lost = match self.lost {
+                0 => String::new(),
+                lost => format!(", but for {} before any was expected to be late", counted(lost, "reading")),
+            };
             let moved = counted(self.moved, "reading");
-            format!("{moved} came late by up to {ms} ms (still.late_s) and were sorted in")
+            format!("{moved} came late by up to {ms} ms (still.late_s) and were sorted in{lost}")
         })
     }
 

@@ -9,9 +9,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::log_interval::since;
 use super::opening::{Opening, Pace, Stamped};
 use super::read::Read;
-use super::since;
 use super::stamp_counts::StampCounts;
 use super::strays::{Course, Point, Stray, Strays, agrees, goes_on};
 use crate::Stamp;

@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::log_interval::since;
 use super::read::Read;
-use super::since;
 
 /// Largest excess of a stamp's step over the log time's, ns. More contradicts the log time.
 const AHEAD: i64 = 500_000_000;
