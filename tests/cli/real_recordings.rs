@@ -226,7 +226,7 @@ fn readings_that_come_too_late_are_told_by_how_much_and_sorted_in_once_that_is_s
         let run = folder.run(["annotate", "a.mcap", "-o", "b.mcap", "--json", "--set", MAPPED, "--set", &set]).ok();
         is_true(&run.json(), GYRO_BIAS);
         let said = run.stderr;
-        assert!(said.contains("were sorted in") && !said.contains("left out"), "{late}: {said}");
+        assert!(said.contains("were sorted in") && !said.contains("are left out"), "{late}: {said}");
         assert!(!said.contains("dropped"), "{late}: {said}");
     }
 }

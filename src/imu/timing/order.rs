@@ -122,7 +122,7 @@ impl Order {
 
     /// Description of the corrections.
     pub(super) fn remark(&self) -> Option<String> {
-        let ms = (self.late_nanos as f64 * 1e-3).round() * 1e-3;
+        let ms = (self.late_nanos as f64 * 1e-3).round() / 1e3;
         (self.moved + self.lost > 0).then(|| {
             let lost = match self.lost {
                 0 => String::new(),

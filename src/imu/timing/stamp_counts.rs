@@ -100,7 +100,7 @@ fn too_late(latest: i64, late_nanos: i64) -> String {
     format!(
         "came late by up to {seconds:.2} s, more than still.late_s = {} allows, and are left out: set still.late_s = {enough:.1} \
          to have them sorted in",
-        (late_nanos as f64 * 1e-3).round() * 1e-6
+        (late_nanos as f64 * 1e-3).round() / 1e6
     )
 }
 
