@@ -41,6 +41,15 @@ pub enum Reading {
     },
 }
 
+impl Reading {
+    /// Stamp of the sample that it is, or that follows.
+    pub fn stamp(&self) -> Stamp {
+        match *self {
+            Self::Sample(Sample { stamp, .. }) | Self::Clipped(stamp) | Self::NewRound { stamp, .. } => stamp,
+        }
+    }
+}
+
 /// Triad of an IMU that a sample belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Sensor {

@@ -57,9 +57,15 @@ impl Timing {
     /// Releases all held readings at the end of the recording.
     pub fn finish(&mut self, sink: &mut impl FnMut(Read)) {
         let Self { stamps, orders, late_nanos } = self;
-        for (&(_, imu), stamps) in stamps {
-            let Some(order) = orders.get_mut(imu.index()) else { continue };
-            stamps.finish(*late_nanos, &mut |reading| order.pass(reading, sink));
+        // Short channels were held from beginning to end: their readings are of the same time.
+        let mut left: Vec<Read> = Vec::new();
+        stamps.values_mut().for_each(|stamps| stamps.finish(*late_nanos, &mut |read| left.push(read)));
+        if stamps.len() > 1 {
+            left.sort_by_key(|(.., reading)| reading.stamp());
+        }
+        for read in left {
+            let order = orders.get_mut(read.0.index());
+            order.into_iter().for_each(|order| order.pass(read, sink));
         }
         orders.iter_mut().for_each(|order| order.finish(sink));
     }

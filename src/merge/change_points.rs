@@ -28,9 +28,26 @@ pub(super) struct Stray {
     pub(super) equation: usize,
 }
 
+/// Jump that strays explain.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Explained {
+    /// Index of the first visit behind it.
+    at: usize,
+    /// Largest score of what may be left of it.
+    left: f64,
+    pub(super) strays: Vec<Stray>,
+}
+
+impl Explained {
+    /// Whether a jump is what is left of this one.
+    pub(super) fn holds<const N: usize>(&self, jump: &Jump<N>) -> bool {
+        jump.at == self.at && jump.score < self.left
+    }
+}
+
 /// Removes equations of which one alone makes a jump: a placement that is wrong, in a visit that many others check. Each
 /// item holds those of which one is wrong: two where two visits contradict each other and no third tells which is right.
-pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<N>]) -> Vec<Vec<Stray>> {
+pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<N>]) -> Vec<Explained> {
     /// Fewest equations of a visit of which one may be called wrong.
     const MANY: usize = 6;
     /// Share of a jump's score that is left without it: a shock along one axis shows on two faces, so more would be left.
@@ -69,7 +86,7 @@ pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<
             named.push(Stray { equation, ..stray });
         }
         removed.extend(named.iter().copied());
-        found.push(named);
+        found.push(Explained { at: jump.at, left: HALF * jump.score, strays: named });
     }
     found
 }

@@ -3,7 +3,7 @@
 
 use nalgebra::{SVector, Vector3};
 
-use super::change_points::{Jump, Stray, jumps, remove_strays};
+use super::change_points::{Explained, Jump, Stray, jumps, remove_strays};
 use super::past_rest::PastRest;
 use super::random_walk::{Equation, State, Visit, Walk, span};
 use crate::Stamp;
@@ -77,10 +77,11 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
         if round + 2 >= ROUNDS {
             strays = remove_strays(&walk, &mut equations);
             found = jumps(&walk, &equations);
+            found.retain(|jump| !strays.iter().any(|explained: &Explained| explained.holds(jump)));
         }
     }
     let stray = |stray: &Stray| Some(placements(rests, visits.get(stray.visit)?).nth(stray.equation)?.rest.start);
-    let strays = strays.iter().map(|wrong: &Vec<Stray>| wrong.iter().filter_map(stray).collect()).collect();
+    let strays = strays.iter().map(|explained| explained.strays.iter().filter_map(stray).collect()).collect();
     Course { strays, ..course(&walk, &equations, found) }
 }
 

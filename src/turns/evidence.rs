@@ -201,11 +201,13 @@ fn unknown_unit(turns: &[SeenTurn]) -> Option<f64> {
     /// Steps between the tried units, as a logarithm, and their number to either side of rad/s.
     const STEP: f64 = 0.1;
     const STEPS: i32 = 70;
+    /// Fewest turns: with a unit free to choose, a few that were not followed may agree by chance.
+    const MANY: usize = 6;
     /// Negative log prior of such a unit beside one that is known.
     const UNHEARD_OF: f64 = 3.0;
     // A rate that stops at the end of its range seems too small.
     let whole: Vec<_> = turns.iter().filter(|turn| !turn.clipped).cloned().collect();
-    if whole.len() < LEAST_TURNS {
+    if whole.len() < MANY {
         return None;
     }
     let tried = (-STEPS..=STEPS).map(|step| libm::exp(f64::from(step) * STEP));

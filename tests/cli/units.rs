@@ -48,10 +48,10 @@ fn degrees_are_named_by_every_command_also_where_the_bias_passes_for_a_turn() {
         assert_ne!(imu["gyroscope"]["status"], "CONFIRMED");
         let topics = folder.run(["topics", "a.mcap", "--set", MAPPED]).ok().stdout;
         assert!(topics.contains("as if the rates were in deg/s"), "{topics}");
-        // Once that is set, the rests are accepted and nothing is asked for.
+        // Once that is set, no rest seems to turn. (35° from a face they are tilted.)
         let set = r#"imu=[{topic="/imu", accel="a", gyro={path="g", unit="deg/s"}}]"#;
         let json = folder.run(["annotate", "a.mcap", "-o", "c.mcap", "--force", "--json", "--set", set]).ok().json();
-        assert!(json["imus"][0]["rests"]["rejected"] == 0 && !json.to_string().contains("does it turn"), "{json:#}");
+        assert!(!json.to_string().contains("does it turn") && !json.to_string().contains("deg/s"), "{json:#}");
     }
 }
 

@@ -18,11 +18,11 @@ fn learned(samples: &[(Sensor, Sample)]) -> Calibration {
     let mut events = Vec::new();
     samples.iter().for_each(|(sensor, sample)| engine.push(*sensor, sample, &mut events));
     engine.finish(&mut events);
-    let calibrations = events.into_iter().filter_map(|event| match event.message {
+    let mut calibrations = events.into_iter().filter_map(|event| match event.message {
         Message::Calibration(calibration) => Some(*calibration),
         _ => None,
     });
-    calibrations.last().unwrap()
+    calibrations.next_back().unwrap()
 }
 
 /// Turns it by two to six degrees about any axis, where it may stay.

@@ -262,7 +262,8 @@ fn asked_axes(text: &str, triad: &str) -> Option<AxesConfig> {
 
 #[test]
 fn axes_of_another_frame_are_told_once_and_setting_them_makes_it_right() {
-    let changes: [(&str, fn(Vector3<f64>) -> Vector3<f64>); 7] = [
+    type Change = fn(Vector3<f64>) -> Vector3<f64>;
+    let changes: [(&str, Change); 7] = [
         ("x and y exchanged", |w| Vector3::new(w.y, w.x, w.z)),
         ("FRD beside FLU", |w| Vector3::new(w.x, -w.y, -w.z)),
         ("NED beside ENU", |w| Vector3::new(w.y, w.x, -w.z)),

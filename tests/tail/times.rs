@@ -14,7 +14,8 @@ use crate::session::Session;
 const START: i64 = 1_700_000_000_000_000_000;
 
 /// Messages of two topics: topic, log time, stamp, reading.
-type Messages = Vec<(&'static str, i64, i64, Vector3<f64>)>;
+type Message = (&'static str, i64, i64, Vector3<f64>);
+type Messages = Vec<Message>;
 
 /// Six faces, each sample once on either topic.
 fn six_faces() -> Messages {
@@ -69,7 +70,7 @@ fn grown(what: &str, messages: &Messages) -> String {
 
 #[test]
 fn stamps_that_stand_and_readings_out_of_order_give_the_same_while_they_come() {
-    let change = |how: &dyn Fn(usize, &mut (&str, i64, i64, Vector3<f64>))| {
+    let change = |how: &dyn Fn(usize, &mut Message)| {
         let mut messages = six_faces();
         messages.iter_mut().enumerate().for_each(|(i, message)| how(i, message));
         messages

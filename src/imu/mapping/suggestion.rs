@@ -13,9 +13,9 @@ use crate::{printable, printable_json};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Suggestion {
     /// An IMU.
-    Imu(ImuConfig),
+    Imu(Box<ImuConfig>),
     /// An accelerometer, of an IMU or by itself.
-    Accelerometer(SecondaryConfig),
+    Accelerometer(Box<SecondaryConfig>),
 }
 
 impl Suggestion {
@@ -51,7 +51,8 @@ impl Suggestion {
             let is_apple = plus.is_some() && name == "useracceleration";
             let unit = if is_apple { Some(AccelUnit::StandardGravity) } else { unit };
             let accel = Some(VectorConfig { path: Some(accel.clone()), plus, unit, ..VectorConfig::default() });
-            return Some(Self::Imu(ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() }));
+            let imu = ImuConfig { topic: topic.to_owned(), accel, gyro, ..ImuConfig::default() };
+            return Some(Self::Imu(Box::new(imu)));
         }
         None
     }
@@ -70,7 +71,7 @@ impl Suggestion {
             accel,
             ..SecondaryConfig::default()
         };
-        Some(Self::Accelerometer(secondary))
+        Some(Self::Accelerometer(Box::new(secondary)))
     }
 
     /// Only vector of a message.
@@ -86,26 +87,26 @@ impl Suggestion {
         let unit = is_of_browser(&of_gyro).then_some(RateUnit::DegreesPerSecond);
         let gyro = VectorConfig { topic: Some(gyro.to_owned()), path: Some(of_gyro), unit, ..VectorConfig::default() };
         let accel_config = VectorConfig { path: Some(path), ..VectorConfig::default() };
-        Self::Imu(ImuConfig {
+        Self::Imu(Box::new(ImuConfig {
             topic: accel.to_owned(),
             accel: Some(accel_config),
             gyro: Some(gyro),
             ..ImuConfig::default()
-        })
+        }))
     }
 
     /// IMU whose halves are topics of known types.
     pub(in crate::imu) fn of_halves(accel: &str, gyro: &str) -> Self {
         let gyro = VectorConfig { topic: Some(gyro.to_owned()), ..VectorConfig::default() };
-        Self::Imu(ImuConfig { topic: accel.to_owned(), gyro: Some(gyro), ..ImuConfig::default() })
+        Self::Imu(Box::new(ImuConfig { topic: accel.to_owned(), gyro: Some(gyro), ..ImuConfig::default() }))
     }
 
     /// Configuration, in a recording whose first IMU is on `primary`.
     pub fn config(&self, primary: Option<&str>) -> ImuConfig {
         match (self, primary) {
-            (Self::Imu(imu), _) => imu.clone(),
+            (Self::Imu(imu), _) => (**imu).clone(),
             (Self::Accelerometer(secondary), Some(primary)) => {
-                ImuConfig { topic: primary.to_owned(), secondary: vec![secondary.clone()], ..ImuConfig::default() }
+                ImuConfig { topic: primary.to_owned(), secondary: vec![(**secondary).clone()], ..ImuConfig::default() }
             }
             (Self::Accelerometer(secondary), None) => ImuConfig {
                 topic: secondary.topic.clone().unwrap_or_default(),

@@ -34,6 +34,11 @@ const MOST_IN_BRIEF: usize = 256;
 const ENOUGH: i64 = 500_000_000;
 /// … or, where hardly a stamp differs from the last: the coarsest clocks count whole seconds.
 const LONG: i64 = 2_500_000_000;
+/// Steps between messages of a sensor, ns; a log that goes faster is of the times of writing.
+const FASTEST: i64 = 100_000;
+const SLOWEST: i64 = 1_000_000_000;
+/// Number of messages that tell of it.
+const FEW: usize = 16;
 /// Largest part of the log's time that makes hardly a difference.
 const HARDLY: f64 = 1e-7;
 /// Largest number of held messages, and that of messages logged at once.
@@ -61,6 +66,11 @@ impl Opening {
         let logged = span(self.held.iter().map(|(_, log, _)| i64::try_from(*log).unwrap_or(i64::MAX)).collect());
         if logged == 0 {
             return (count >= MOST_AT_ONCE).then_some(Pace::Usual);
+        }
+        let step = |span: i64| span / count as i64;
+        if step(logged) < FASTEST && (FASTEST..SLOWEST).contains(&step(stamped)) {
+            // Logged as they were written, by a converter.
+            return (count >= FEW).then_some(Pace::Usual);
         }
         let ratio = stamped as f64 / logged as f64;
         let is_known = logged >= if ratio > HARDLY { ENOUGH } else { LONG };

@@ -70,11 +70,7 @@ impl Order {
             self.queues.resize_with(sensor.index() + 1, HeldBack::default);
         }
         let Some(queue) = self.queues.get_mut(sensor.index()) else { return };
-        let stamp = match reading {
-            Reading::Sample(sample) => sample.stamp,
-            Reading::Clipped(stamp) | Reading::NewRound { stamp, .. } => stamp,
-        };
-        let stamp = stamp.nanos();
+        let stamp = reading.stamp().nanos();
         let newest = queue.newest.unwrap_or(stamp);
         let late = newest.saturating_sub(stamp);
         if late > self.late_nanos {
