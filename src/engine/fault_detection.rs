@@ -176,7 +176,9 @@ fn alternating_text(sensors: usize) -> String {
 fn uneven_text(sensor: Sensor, apart: f64) -> String {
     let unit = if sensor == Sensor::Gyroscope { "rad/s" } else { "m/s²" };
     format!(
-        "readings at rest alternate, {apart:.4} {unit} from one to the next: either sensors take turns on one topic, and what is          learned is of none of them, or something vibrates at half the sampling rate. Record each sensor on a topic, or under a          frame_id, of its own"
+        "readings at rest alternate, {apart:.4} {unit} from one to the next: either sensors take turns on one topic, and what is \
+         learned is of none of them, or something vibrates at half the sampling rate. Record each sensor on a topic, or under a \
+         frame_id, of its own"
     )
 }
 

@@ -151,8 +151,8 @@ fn others(
     let credible = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise)).count();
     // Until the accelerometer is calibrated its raw reading is vertical enough.
     let vertical = observations::rates(entries, noise, config, Some(&calibration.unwrap_or_default()));
-    let several_poses = shows_several_poses(&vertical);
-    let refusal = steady_turn(entries, &vertical, credible, several_poses, still.max_turn / 2.0);
+    let tells_bias = tells_bias_from_turn(&vertical);
+    let refusal = steady_turn(entries, &vertical, credible, tells_bias, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
     let rich = match (primary.map(|fit| fit.shape), givens.reference) {
         (Some(Parameterisation::FULL_ACCELEROMETER), Some(reference)) => {
@@ -187,11 +187,11 @@ fn others(
             .filter(|entry| entry.verdict.is_at_rest())
             .find_map(|entry| observations::relaxed(entry, noise)),
         gyro_turned: entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count(),
-        gyro_posed: several_poses,
+        gyro_posed: tells_bias,
         gyroscope: rich
             .or_else(|| gyroscope(Parameterisation::BIAS).ok().filter(|_| believed && refusal.is_none()))
             .map(|mut fit| {
-                if !several_poses && fit.shape == Parameterisation::BIAS {
+                if !tells_bias && fit.shape == Parameterisation::BIAS {
                     doubt_vertical(&mut fit, &vertical);
                 }
                 let step = judge.segmenter.signal(Sensor::Gyroscope).and_then(|signal| signal.step);
@@ -251,7 +251,7 @@ fn unchecked(fit: &Estimate, seen: &[Placed], fixture: &Fixture) -> Vec<String> 
 
 /// Whether rests tell a bias from a steady turn about the vertical, as on a turntable: in poses with different verticals,
 /// or in so many placements that they would not all have turned at one rate.
-fn shows_several_poses(rates: &[Reading]) -> bool {
+fn tells_bias_from_turn(rates: &[Reading]) -> bool {
     /// Least angle between two verticals, rad.
     const OTHER_POSE: f64 = 0.35;
     const MANY: usize = 4;
@@ -265,7 +265,7 @@ fn steady_turn(
     entries: &[JudgedRest],
     rates: &[Reading],
     at_rest: usize,
-    several_poses: bool,
+    tells_bias: bool,
     most: f64,
 ) -> Option<Refusal> {
     let turning = entries.iter().filter(|entry| entry.verdict.reason == Reason::Turning).count();
@@ -274,7 +274,7 @@ fn steady_turn(
         return Some(Refusal::Turning { turning, rests: turning + at_rest });
     }
     let rate = rates.iter().map(about_vertical).fold(0.0, |most: f64, rate| most.max(rate.abs()));
-    (!several_poses && rate > most).then_some(Refusal::OneRun { rate })
+    (!tells_bias && rate > most).then_some(Refusal::OneRun { rate })
 }
 
 /// Widens the bias for a single pose, where the rate about the vertical may be a turn as well as a bias.

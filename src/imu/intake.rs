@@ -158,9 +158,9 @@ impl Intake {
         channels.into_values().filter(|channels| channels.len() > 1)
     }
 
-    /// Stamp of the last reading in the messages of a channel.
+    /// Stamp of the last message of a channel; `None` where messages hold several readings.
     pub fn last_stamp(&self, channel_id: u16) -> Option<Stamp> {
-        self.routes.get(&channel_id)?.first()?.stamp
+        self.routes.get(&channel_id)?.first().filter(|route| !route.has_batches())?.stamp
     }
 
     /// Stamp of a message that was not added yet.

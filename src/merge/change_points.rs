@@ -1,9 +1,9 @@
 //! Change points: gaps between recordings where parameters jumped rather than walked. At each gap, a likelihood ratio
 //! compares the parameters estimated from the recordings before it and after it (Willsky & Jones 1976).
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
-use super::random_walk::{Filtered, Setting, Visit, Walk, span};
+use super::random_walk::{Equation, Filtered, Setting, Visit, Walk, span};
 
 /// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 exceeds it by chance: with two
 /// triads, less than one in ten sensors with a thousand recordings each.
@@ -50,12 +50,17 @@ impl Explained {
 pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<N>]) -> Vec<Explained> {
     /// Fewest equations of a visit of which one may be called wrong.
     const MANY: usize = 6;
+    /// Most equations of which each is left out in turn.
+    const MOST_EQUATIONS: usize = 600;
     /// Share of a jump's score that is left without it: a shock along one axis shows on two faces, so more would be left.
     const HALF: f64 = 0.5;
     /// Most jumps that are explained so.
     const MOST: usize = 8;
     let mut found = Vec::new();
     let mut removed: Vec<Stray> = Vec::new();
+    if visits.iter().map(|visit| visit.equations.len()).sum::<usize>() > MOST_EQUATIONS {
+        return found;
+    }
     while found.len() < MOST {
         let Some(jump) = best(walk, visits, &[]).filter(|jump| jump.score > BEYOND) else { break };
         let left = |stray: &Stray| {
@@ -64,8 +69,9 @@ pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<
             best(walk, &without, &[]).map_or(0.0, |jump| jump.score)
         };
         let of_visit = |visit: usize| {
-            let equations = 0..visits[visit].equations.len();
-            let tried = equations.filter(|_| visits[visit].equations.len() >= MANY).map(|equation| {
+            let equations = &visits[visit].equations;
+            let tried = (0..equations.len()).filter(|one| equations.len() >= MANY && is_checked(equations, *one));
+            let tried = tried.map(|equation| {
                 let stray = Stray { visit, equation };
                 (left(&stray), stray)
             });
@@ -89,6 +95,19 @@ pub(super) fn remove_strays<const N: usize>(walk: &Walk<N>, visits: &mut [Visit<
         found.push(Explained { at: jump.at, left: HALF * jump.score, strays: named });
     }
     found
+}
+
+/// Whether another equation of a visit tells about the same direction, or the opposite one: a change along it would show
+/// there, too.
+fn is_checked<const N: usize>(equations: &[Equation<N>], one: usize) -> bool {
+    /// Cosine of the largest angle, 30°.
+    const NEAR: f64 = 0.866;
+    // The biases come first.
+    let direction =
+        |equation: &Equation<N>| Vector3::from_fn(|axis, _| equation.factors.get(axis).copied().unwrap_or(0.0));
+    let Some(own) = equations.get(one).map(direction) else { return false };
+    let others = equations.iter().enumerate().filter(|(other, _)| *other != one).map(|(_, other)| direction(other));
+    others.into_iter().any(|other| own.dot(&other).abs() > NEAR * own.norm() * other.norm())
 }
 
 /// Finds the jumps, the likeliest first; returns them in time order.

@@ -48,6 +48,45 @@ fn sensors_that_were_logged_as_they_were_written_are_read_in_the_order_of_their_
 }
 
 #[test]
+fn pauses_are_believed_where_the_log_times_are_those_of_writing() {
+    // Six pauses of a second, and one of twenty.
+    let pauses =
+        |at: i64| at + at / 4_000_000_000 * 1_000_000_000 + if at > 20_000_000_000 { 20_000_000_000 } else { 0 };
+    for pace in [0, 20_000] {
+        let samples = six_faces();
+        let messages = samples
+            .iter()
+            .enumerate()
+            .map(|(i, m)| ("/imu", START + 10_i64.pow(15) + pace * i as i64, both(m, START + pauses(m.at))));
+        let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
+        assert!(!said.contains("make no sense") && !said.contains("left out"), "{pace}: {said}");
+    }
+}
+
+#[test]
+fn a_clock_that_is_set_back_before_the_end_is_not_told_as_readings_that_come_late() {
+    let samples = six_faces();
+    let last = samples.len() - 200;
+    let messages = samples.iter().enumerate().map(|(i, m)| {
+        let stamp = START + m.at - if i >= last { 5_000_000_000 } else { 0 };
+        ("/imu", START + m.at, both(m, stamp))
+    });
+    let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
+    assert!(!said.contains("came late") && !said.contains("left out"), "{said}");
+}
+
+#[test]
+fn readings_of_a_coarse_clock_stay_before_a_gap_that_the_recording_ends_behind() {
+    let samples = six_faces();
+    let end = samples.last().unwrap().at;
+    let behind = (0..3).map(|i| (end + 15_000_000_000 + i * 10_000_000, samples.last().unwrap()));
+    let all = samples.iter().map(|m| (m.at, m)).chain(behind);
+    let messages = all.map(|(at, m)| ("/imu", START + at, both(m, (START + at) / 1_000_000_000 * 1_000_000_000)));
+    let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
+    assert!(!said.contains("far from those around"), "{said}");
+}
+
+#[test]
 fn sensors_of_different_times_are_said_to_be_so() {
     // Without stamps, the times of writing are all there is.
     let bytes = one_behind_the_other(["/a", "/g"], |i, _| START + 10_000_000 * i, |_| 0);

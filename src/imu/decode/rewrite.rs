@@ -108,7 +108,7 @@ fn encoded(number: Number, value: f64) -> Option<Vec<u8>> {
     };
     Some(match number {
         Number::F64 => value.to_le_bytes().to_vec(),
-        Number::F32 => (value as f32).to_le_bytes().to_vec(),
+        Number::F32 => Some(value as f32).filter(|narrow| narrow.is_finite())?.to_le_bytes().to_vec(),
         Number::I8 => i8::try_from(whole(-128.0, 127.0)?).ok()?.to_le_bytes().to_vec(),
         Number::U8 => u8::try_from(whole(0.0, 255.0)?).ok()?.to_le_bytes().to_vec(),
         Number::I16 => i16::try_from(whole(i16::MIN.into(), i16::MAX.into())?).ok()?.to_le_bytes().to_vec(),

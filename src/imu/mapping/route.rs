@@ -204,6 +204,11 @@ impl Route {
         stamp
     }
 
+    /// Whether a message holds several readings.
+    pub(in crate::imu) fn has_batches(&self) -> bool {
+        self.batch.is_some()
+    }
+
     /// Stamp of a message that is not read yet; `None` if it holds several readings, or cannot be read.
     pub(in crate::imu) fn stamp_of(&self, data: &[u8], log_time: u64) -> Option<Stamp> {
         let mut numbers = vec![0.0; self.numbers.len()];

@@ -10,6 +10,8 @@ use super::read::Read;
 pub(super) enum Pace {
     /// About that of the log, or nothing can be said.
     Usual,
+    /// The log times are those of writing, by a converter: they say nothing of the stamps.
+    Written,
     /// 1000 to this power times that of the log.
     Thousands(i32),
 }
@@ -65,12 +67,11 @@ impl Opening {
         let stamped = span(self.held.iter().map(|(stamp, ..)| *stamp).collect());
         let logged = span(self.held.iter().map(|(_, log, _)| i64::try_from(*log).unwrap_or(i64::MAX)).collect());
         if logged == 0 {
-            return (count >= MOST_AT_ONCE).then_some(Pace::Usual);
+            return (count >= MOST_AT_ONCE).then_some(Pace::Written);
         }
         let step = |span: i64| span / count as i64;
         if step(logged) < FASTEST && (FASTEST..SLOWEST).contains(&step(stamped)) {
-            // Logged as they were written, by a converter.
-            return (count >= FEW).then_some(Pace::Usual);
+            return (count >= FEW).then_some(Pace::Written);
         }
         let ratio = stamped as f64 / logged as f64;
         let is_known = logged >= if ratio > HARDLY { ENOUGH } else { LONG };

@@ -76,9 +76,17 @@ impl Stamps {
         if self.pace.is_none() {
             self.open(self.opening.last_pace(), late_nanos, sink);
         }
+        if let (Some(last), Some(first)) = (self.last, self.strays.ends_in_course(self.step, late_nanos)) {
+            self.set(last, first, late_nanos, sink);
+        }
         for stray in self.strays.take() {
+            let stands = stray.stamp == self.begun.0 && !self.first.is_empty();
             match self.last.filter(|last| agrees(*last, (stray.stamp, stray.log_time))) {
-                Some(_) => self.advance(stray.stamp, stray.log_time, &stray.readings, sink),
+                _ if stands => self.stand(stray.log_time, &stray.readings, sink),
+                Some(_) => {
+                    self.leave(stray.stamp, stray.log_time, sink);
+                    self.advance(stray.stamp, stray.log_time, &stray.readings, sink);
+                }
                 None => self.leave_out(&stray),
             }
         }
@@ -131,9 +139,7 @@ impl Stamps {
         }
         let stamp = self.unwrapped(recorded, log_time);
         let stands = stamp == self.begun.0 && !self.first.is_empty();
-        if let Some(last) =
-            self.last.filter(|last| !stands && !goes_on(*last, (stamp, log_time), self.step, late_nanos))
-        {
+        if let Some(last) = self.last.filter(|last| !stands && !self.goes_on(*last, (stamp, log_time), late_nanos)) {
             let stray = Stray { recorded, stamp, log_time, readings: readings.to_vec() };
             return match self.strays.hold(stray, last, self.step, late_nanos) {
                 Course::Unknown => {}
@@ -151,6 +157,12 @@ impl Stamps {
                 self.advance(stamp, log_time, readings, sink);
             }
         }
+    }
+
+    /// Whether a message goes on from the last one. Log times of writing say nothing of it.
+    fn goes_on(&self, last: Point, now: Point, late_nanos: i64) -> bool {
+        let now = if self.pace == Some(Pace::Written) { (now.0, u64::MAX) } else { now };
+        goes_on(last, now, self.step, late_nanos)
     }
 
     /// Passes a message on the course.
@@ -202,7 +214,8 @@ impl Stamps {
         let course = strays.split_off(first);
         strays.iter().for_each(|stray| self.leave_out(stray));
         let Some(begun) = course.first().map(|stray| (stray.stamp, stray.log_time)) else { return };
-        self.senseless += u64::from(!agrees(last, begun));
+        let is_pause = self.pace == Some(Pace::Written) && begun.0 > last.0;
+        self.senseless += u64::from(!is_pause && !agrees(last, begun));
         if self.senseless >= SENSELESS && self.senseless * SENSELESS_ONCE_IN >= self.messages {
             self.strays = Strays::from(course);
             return self.give_up(last, sink);
@@ -290,7 +303,9 @@ impl Stamps {
         let logged = since(log_time, log);
         let goes_on = |wrap: i64| {
             let on = stamp.saturating_add(wrap).saturating_sub(last);
-            (1..=1_000_000_000).contains(&on) && (on - logged).abs() < AHEAD && last - self.wrapped < wrap
+            (1..=1_000_000_000).contains(&on)
+                && on.saturating_sub(logged).saturating_abs() < AHEAD
+                && last - self.wrapped < wrap
         };
         match WRAPS.into_iter().find(|&wrap| goes_on(wrap)) {
             Some(wrap) => {

@@ -90,6 +90,14 @@ impl Strays {
         std::mem::take(&mut self.held)
     }
 
+    /// Index of the first of those that are a course of their own at the end of a recording, if they are: more than come late
+    /// at once.
+    pub(super) fn ends_in_course(&self, step: i64, late_nanos: i64) -> Option<usize> {
+        let pairs = self.held.windows(2).rev();
+        let ordered = pairs.take_while(|pair| goes_on(pair[0].point(), pair[1].point(), step, late_nanos)).count();
+        (ordered >= 4 * PATIENCE).then(|| self.held.len() - 1 - ordered)
+    }
+
     /// Holds a message, and tells what those that are held are, by the last point of the course so far.
     pub(super) fn hold(&mut self, stray: Stray, last: Point, step: i64, late_nanos: i64) -> Course {
         self.held.push(stray);

@@ -10,7 +10,7 @@ use crate::report::Findings;
 #[derive(Serialize, Deserialize)]
 pub(super) struct ImuState {
     pub(super) engine: Engine,
-    /// Not saved, since the annotations contain the same.
+    /// Not saved, since the annotations contain the same, but for the faces of what was nearly a rest.
     #[serde(skip)]
     pub(super) findings: Findings,
     /// Corrections by the calibration in force.
