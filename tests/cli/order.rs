@@ -59,7 +59,7 @@ fn pauses_are_believed_where_the_log_times_are_those_of_writing() {
             .enumerate()
             .map(|(i, m)| ("/imu", START + 10_i64.pow(15) + pace * i as i64, both(m, START + pauses(m.at))));
         let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
-        assert!(!said.contains("make no sense") && !said.contains("left out"), "{pace}: {said}");
+        assert!(!said.contains("make no sense") && !said.contains("warning"), "{pace}: {said}");
     }
 }
 
@@ -72,14 +72,14 @@ fn a_clock_that_is_set_back_before_the_end_is_not_told_as_readings_that_come_lat
         ("/imu", START + m.at, both(m, stamp))
     });
     let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
-    assert!(!said.contains("came late") && !said.contains("left out"), "{said}");
+    assert!(!said.contains("came late") && !said.contains("one is left out"), "{said}");
 }
 
 #[test]
 fn readings_of_a_coarse_clock_stay_before_a_gap_that_the_recording_ends_behind() {
     let samples = six_faces();
     let end = samples.last().unwrap().at;
-    let behind = (0..3).map(|i| (end + 15_000_000_000 + i * 10_000_000, samples.last().unwrap()));
+    let behind = (0..3).map(|i| (end + 15_200_000_000 + i * 10_000_000, samples.last().unwrap()));
     let all = samples.iter().map(|m| (m.at, m)).chain(behind);
     let messages = all.map(|(at, m)| ("/imu", START + at, both(m, (START + at) / 1_000_000_000 * 1_000_000_000)));
     let said = learns_the_truth(&recording(messages), MAPPED, GYRO_BIAS);
