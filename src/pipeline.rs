@@ -11,6 +11,7 @@ pub(crate) mod events;
 pub(crate) mod learner;
 pub(crate) mod no_imu;
 pub(crate) mod sources;
+pub(crate) mod time_merge;
 pub(crate) mod time_order;
 pub(crate) mod timelines;
 

@@ -18,6 +18,7 @@ use self::engine_setup::topic_of;
 use self::imu_state::ImuState;
 pub(crate) use self::learned::Learned;
 pub(crate) use self::notes::{not_corrected, rounded, uncorrected};
+use crate::Error;
 use crate::annotate::Annotator;
 use crate::config::Config;
 use crate::engine;
@@ -27,6 +28,7 @@ use crate::messages::foxglove::log::Level;
 use crate::pipeline::correction::Corrector;
 use crate::pipeline::events::{Notice, Notify};
 use crate::pipeline::sources::Sources;
+use crate::pipeline::time_merge::{Shelf, TimeMerge};
 use crate::pipeline::time_order::{Apart, TimeOrder};
 use crate::record::{Block, Damage, Event, Topic};
 use crate::report::Findings;
@@ -42,6 +44,9 @@ pub(crate) struct Learner {
     config: Config,
     sources: Sources,
     time_order: TimeOrder,
+    /// Merge of channels that are apart, on a second reading.
+    #[serde(skip)]
+    time_merge: Option<TimeMerge>,
     timing: Timing,
     /// Prefix for the damages of this split, if there are several splits.
     split: Option<String>,
@@ -73,6 +78,7 @@ impl Learner {
             config: config.clone(),
             sources: Sources::new(config),
             time_order: TimeOrder::default(),
+            time_merge: None,
             timing: Timing::new(config.still.late_s),
             split: None,
             begun: false,
@@ -91,15 +97,21 @@ impl Learner {
         }
     }
 
-    /// Processes messages of these channels in the order of their times.
-    pub(crate) fn in_time_order(self, channels: Apart) -> Self {
-        Self { time_order: TimeOrder::merging(channels), ..self }
+    /// Processes messages of these channels in the order of their times, with the help of a shelf for what does not fit
+    /// into memory.
+    pub(crate) fn in_time_order(self, channels: Apart, shelf: Box<dyn Shelf>) -> Self {
+        Self { time_merge: Some(TimeMerge::new(channels, shelf)), ..self }
+    }
+
+    /// Why the shelf failed, if it did. The results are then incomplete.
+    pub(crate) fn take_failure(&mut self) -> Option<Error> {
+        self.time_merge.as_mut().and_then(TimeMerge::take_failure)
     }
 
     /// Channels of one IMU that follow each other in the file, if any. Its results are unreliable unless they are read
     /// [in time order](Self::in_time_order).
     pub(crate) fn apart(&self) -> Option<Apart> {
-        self.time_order.apart(self.sources.intake.parts())
+        if self.time_merge.is_some() { None } else { self.time_order.apart(self.sources.intake.parts()) }
     }
 
     /// Whether channels of one IMU may still turn out to follow each other.
@@ -142,16 +154,19 @@ impl Learner {
                     self.log_time = message.log_time;
                 }
                 let Some(message) = self.sources.wanted(message) else { return };
-                if self.time_order.holds(message.channel) {
-                    let intake = &self.sources.intake;
-                    self.time_order.hold(&message, || intake.stamp(message.channel, message.log_time, message.data));
-                    while let Some(held) = self.time_order.next() {
-                        self.use_message(&held.message(), notify);
+                let intake = &self.sources.intake;
+                match self.time_merge.as_mut().filter(|merge| merge.holds(message.channel)) {
+                    Some(merge) => {
+                        merge.hold(&message, || intake.stamp(message.channel, message.log_time, message.data));
+                        while let Some(held) = self.time_merge.as_mut().and_then(TimeMerge::next) {
+                            self.use_message(&held.message(), notify);
+                        }
                     }
-                } else {
-                    let sources = self.sources.intake.sources_on(message.channel);
-                    self.time_order.watch(sources, message.channel, message.log_time);
-                    self.use_message(&message, notify);
+                    None => {
+                        let sources = intake.sources_on(message.channel);
+                        self.time_order.watch(sources, message.channel, message.log_time);
+                        self.use_message(&message, notify);
+                    }
                 }
             }
             Event::ChunkEnd => {
@@ -227,7 +242,7 @@ impl Learner {
     /// Ends the recording after its last split.
     pub(crate) fn close(&mut self, notify: Notify<'_>) {
         self.closed = true;
-        while let Some(held) = self.time_order.pop() {
+        while let Some(held) = self.time_merge.as_mut().and_then(TimeMerge::pop) {
             self.use_message(&held.message(), notify);
         }
         let Self { timing, timed, .. } = self;

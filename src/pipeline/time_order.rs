@@ -1,14 +1,13 @@
-//! Time order of one IMU's messages, for files that hold one channel after the other, as some converters write them.
+//! Channels of one IMU that stand one after the other in a file, as some converters write them.
 //!
-//! A first pass finds the channels that are apart; a second one holds their messages until the other channels have
-//! caught up. The log times tell the order, or the stamps, where a converter logged each message at the time of writing.
+//! The first pass over a recording finds them, a second one [merges](super::time_merge) their messages. The log times tell
+//! the order, or the stamps, where a converter logged each message at the time of writing.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
-use crate::record::Message;
 
 /// Lag behind another channel beyond which a message is not merely late, ns of log time.
 const APART: u64 = 1_000_000_000;
@@ -17,10 +16,10 @@ const APART: u64 = 1_000_000_000;
 const IN_A_ROW: u32 = 50;
 /// Fewest messages of a channel whose place in the file counts.
 const LEAST: u64 = 50;
-/// Most bytes held (48 MiB).
-const MOST: usize = 48 << 20;
+/// Sign that accelerometer and gyroscope stand apart, in the words of the remarks.
+pub(super) const BEHIND: &str = "accelerometer and gyroscope of an IMU stand one behind the other in the file";
 
-/// Finds channels that are apart, or merges them.
+/// Finds channels that are apart.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct TimeOrder {
     /// Groups by source of an IMU.
@@ -28,26 +27,20 @@ pub(crate) struct TimeOrder {
     apart: BTreeSet<u16>,
     /// Place and time of each channel.
     spans: BTreeMap<u16, Span>,
-    /// Channels to merge, with the latest time of each.
-    merging: BTreeMap<u16, u64>,
-    clock: Clock,
-    held: BTreeMap<(u64, u64), Held>,
-    bytes: usize,
+    /// Number of messages whose stamps were noted.
     count: u64,
-    gave_up: bool,
 }
 
 /// Channels that follow each other in a file, and the clock that tells their order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Apart {
-    channels: BTreeSet<u16>,
-    clock: Clock,
+    pub(super) channels: BTreeSet<u16>,
+    pub(super) clock: Clock,
 }
 
 /// Clock of the order of messages.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Clock {
-    #[default]
     LogTimes,
     Stamps,
 }
@@ -70,34 +63,9 @@ struct Group {
     behind: (u16, u32),
 }
 
-/// A held message.
-#[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Held {
-    channel: u16,
-    sequence: u32,
-    log_time: u64,
-    publish_time: u64,
-    data: Vec<u8>,
-}
-
-impl Held {
-    pub(crate) fn message(&self) -> Message<'_> {
-        let Self { channel, sequence, log_time, publish_time, ref data } = *self;
-        Message { channel, sequence, log_time, publish_time, data }
-    }
-}
-
 impl TimeOrder {
-    /// Order that merges these channels.
-    pub(crate) fn merging(Apart { channels, clock }: Apart) -> Self {
-        Self { merging: channels.into_iter().map(|channel| (channel, 0)).collect(), clock, ..Self::default() }
-    }
-
-    /// Channels that were found apart, of IMUs with these channels, unless channels are merged.
+    /// Channels that were found apart, of IMUs with these channels.
     pub(crate) fn apart(&self, parts: impl Iterator<Item = BTreeSet<u16>>) -> Option<Apart> {
-        if !self.merging.is_empty() {
-            return None;
-        }
         if !self.apart.is_empty() {
             return Some(Apart { channels: self.apart.clone(), clock: Clock::LogTimes });
         }
@@ -122,39 +90,18 @@ impl TimeOrder {
         })
     }
 
-    /// Description of the corrections, or of what cannot be corrected, for IMUs with these channels.
+    /// What no order corrects, for IMUs with these channels.
     pub(crate) fn remark(&self, parts: impl Iterator<Item = BTreeSet<u16>>) -> Option<String> {
-        const BEHIND: &str = "accelerometer and gyroscope of an IMU stand one behind the other in the file";
-        let order = match self.clock {
-            Clock::LogTimes => "log times",
-            Clock::Stamps => "stamps (the log times are those of writing)",
-        };
-        if self.merging.is_empty() {
-            let apart = self.behind(parts).any(|(_, common)| !common);
-            return apart.then(|| {
-                format!(
-                    "{BEHIND}, and in its times: none of one is from the time of the other. If a converter wrote them so, \
-                     convert again with the sensor's time as header.stamp or log time"
-                )
-            });
-        }
-        Some(match (self.gave_up, self.clock) {
-            (false, _) => format!("{BEHIND}: read in the order of their {order}"),
-            (true, Clock::LogTimes) => format!(
-                "{BEHIND}, too far apart to be held in memory: sort it first, with `mcap sort RECORDING -o SORTED`"
-            ),
-            (true, Clock::Stamps) => format!(
-                "{BEHIND}, too far apart to be held in memory, and the log times are those of writing: convert again with the \
-                 sensor's time as log time, then `mcap sort RECORDING -o SORTED`"
-            ),
+        self.behind(parts).any(|(_, common)| !common).then(|| {
+            format!(
+                "{BEHIND}, and in its times: none of one is from the time of the other. If a converter wrote them so, \
+                 convert again with the sensor's time as header.stamp or log time"
+            )
         })
     }
 
     /// Notes a message of a channel that these sources read.
     pub(crate) fn watch(&mut self, sources: impl Iterator<Item = usize>, channel: u16, log_time: u64) {
-        if !self.merging.is_empty() {
-            return;
-        }
         for source in sources {
             let Group { last, behind } = self.groups.entry(source).or_default();
             let goes_on = last.insert(channel, log_time).is_none_or(|before| before <= log_time);
@@ -175,9 +122,6 @@ impl TimeOrder {
 
     /// Notes the stamp of a message of a channel that is used.
     pub(crate) fn watch_stamp(&mut self, channel: u16, stamp: Stamp) {
-        if !self.merging.is_empty() {
-            return;
-        }
         self.count += 1;
         let span = self.spans.entry(channel);
         let Span { place, messages, time } =
@@ -185,41 +129,6 @@ impl TimeOrder {
         place.1 = self.count;
         *messages += 1;
         *time = (time.0.min(stamp), time.1.max(stamp));
-    }
-
-    /// Whether messages of a channel must be [held](Self::hold).
-    pub(crate) fn holds(&self, channel: u16) -> bool {
-        !self.gave_up && self.merging.contains_key(&channel)
-    }
-
-    /// Holds a message of this stamp, if it has one. Those whose turn has come are returned by [`next`](Self::next).
-    pub(crate) fn hold(&mut self, message: &Message<'_>, stamp: impl FnOnce() -> Option<Stamp>) {
-        let Message { channel, sequence, log_time, publish_time, data } = *message;
-        let newest = self.merging.get(&channel).copied().unwrap_or_default();
-        let time = match self.clock {
-            Clock::LogTimes => log_time,
-            // A message that cannot be read has no other time than the one before it.
-            Clock::Stamps => stamp().map_or(newest, |stamp| u64::try_from(stamp.nanos()).unwrap_or_default()),
-        };
-        self.merging.insert(channel, time.max(newest));
-        self.count += 1;
-        self.bytes += data.len() + 64;
-        self.held.insert((time, self.count), Held { channel, sequence, log_time, publish_time, data: data.to_vec() });
-        self.gave_up |= self.bytes > MOST;
-    }
-
-    /// Next message that no other can precede.
-    pub(crate) fn next(&mut self) -> Option<Held> {
-        let until = self.merging.values().min().copied().unwrap_or_default();
-        let ((time, _), _) = self.held.first_key_value()?;
-        if *time > until && !self.gave_up { None } else { self.pop() }
-    }
-
-    /// Next message, once no more arrive.
-    pub(crate) fn pop(&mut self) -> Option<Held> {
-        let (_, held) = self.held.pop_first()?;
-        self.bytes -= held.data.len() + 64;
-        Some(held)
     }
 }
 
@@ -266,34 +175,5 @@ mod tests {
         let batches =
             (0..5).flat_map(|s| [1, 2].into_iter().flat_map(move |c| (0..200).map(move |i| (c, 2000 * s + 10 * i))));
         assert!(apart(batches));
-    }
-
-    #[test]
-    fn merged_messages_come_in_the_order_of_their_log_times() {
-        let mut order = TimeOrder::merging(Apart { channels: [1, 2].into(), clock: Clock::LogTimes });
-        let mut told = Vec::new();
-        for (channel, log_time) in [(1, 10), (1, 20), (1, 30), (2, 5), (2, 20), (2, 25)] {
-            order.hold(&Message { channel, sequence: 0, log_time, publish_time: 0, data: &[7] }, || None);
-            while let Some(held) = order.next() {
-                told.push((held.message().log_time, held.message().channel));
-            }
-        }
-        assert_eq!(told, [(5, 2), (10, 1), (20, 1), (20, 2), (25, 2)]);
-        assert_eq!(order.pop().map(|held| held.message().log_time), Some(30));
-    }
-
-    #[test]
-    fn messages_logged_as_they_were_written_are_merged_by_their_stamps() {
-        let mut order = TimeOrder::merging(Apart { channels: [1, 2].into(), clock: Clock::Stamps });
-        let mut told = Vec::new();
-        let stamps = [(1, Some(10)), (1, None), (1, Some(30)), (2, Some(5)), (2, Some(20)), (2, Some(25))];
-        for (log_time, (channel, stamp)) in (0..).zip(stamps) {
-            let message = Message { channel, sequence: 0, log_time, publish_time: 0, data: &[7] };
-            order.hold(&message, || stamp.map(Stamp::from_nanos));
-            while let Some(held) = order.next() {
-                told.push(held.message().log_time);
-            }
-        }
-        assert_eq!(told, [3, 0, 1, 4, 5]);
     }
 }

@@ -34,6 +34,7 @@ use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
 pub use crate::run::output::options::{Form, Options};
 pub(super) use crate::run::output::set::OutputSet;
+use crate::run::output::spill::Spill;
 use crate::run::output::written::Written;
 use crate::run::store::ResultMark;
 
@@ -88,6 +89,7 @@ fn annotate_in_order(
     let mut target = OutputSet::open(input, outputs, options, mark.clone())?;
     let mut sidecar = if alone { Some(target.next(0)?) } else { None };
     let mut kept = Kept::beside(target.beside());
+    let order = order.map(|apart| (apart, Spill::beside(target.beside())));
     let mut splits = SplitLearner::new(input, config, options, order);
     let mut profile = None;
     // Splits that are written after the last one was read, and the number of topics at the end of each: with the last
@@ -230,6 +232,7 @@ pub fn calibrate(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Rep
 }
 
 fn calibrate_in_order(input: &Input, config: &Config, watch: Watch<'_>, order: Option<Apart>) -> Result<Report, Error> {
+    let order = order.map(|apart| (apart, Spill::temporary()));
     let mut splits = SplitLearner::new(input, config, Options::default(), order);
     for (index, split) in input.splits.iter().enumerate() {
         let done = splits.done;

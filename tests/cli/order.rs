@@ -47,6 +47,27 @@ fn sensors_that_were_logged_as_they_were_written_are_read_in_the_order_of_their_
     }
 }
 
+/// Longer than what is held in memory: the rest waits on disk.
+#[test]
+fn sensors_further_apart_than_memory_holds_are_read_in_time_order_all_the_same() {
+    const MEMORY: usize = 48 << 20;
+    for logged_when_written in [false, true] {
+        let samples = six_faces();
+        let padding = "x".repeat(MEMORY / samples.len() * 3 / 2);
+        let all = ["/a", "/g"].into_iter().flat_map(|topic| samples.iter().map(move |m| (topic, m)));
+        let bytes = recording(all.enumerate().map(|(i, (topic, m))| {
+            let mut message = both(m, START + m.at);
+            if topic == "/a" {
+                message["padding"] = Value::String(padding.clone());
+            }
+            let written = START + 10_i64.pow(15) + 20_000 * i as i64;
+            (topic, if logged_when_written { written } else { START + m.at }, message)
+        }));
+        let said = learns_the_truth(&bytes, PAIR, GYRO_BIAS);
+        assert!(said.contains("read in the order of their"), "{said}");
+    }
+}
+
 #[test]
 fn pauses_are_believed_where_the_log_times_are_those_of_writing() {
     // Six pauses of a second, and one of twenty.

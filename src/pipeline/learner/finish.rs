@@ -53,7 +53,10 @@ impl Learner {
         let imus = self.sources.intake.imus().iter().enumerate();
         let ids = imus.map(|(i, imu)| (ImuId::of(i), imu));
         ids.flat_map(|(id, imu)| self.timing.remarks(id).into_iter().map(move |text| format!("{}: {text}", imu.name)))
-            .chain(self.time_order.remark(self.sources.intake.parts()))
+            .chain(match &self.time_merge {
+                Some(merge) => Some(merge.remark()),
+                None => self.time_order.remark(self.sources.intake.parts()),
+            })
             .collect()
     }
 }

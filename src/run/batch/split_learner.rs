@@ -12,6 +12,7 @@ use crate::run::input::recording::{Recording, Watch};
 use crate::run::input::rosbag2::Contents;
 use crate::run::input::scan_file::Listener;
 use crate::run::input::splits::Input;
+use crate::run::output::spill::Spill;
 
 /// State of learning while the splits of a recording are read.
 pub(super) struct SplitLearner<'a> {
@@ -28,10 +29,11 @@ pub(super) struct SplitLearner<'a> {
 }
 
 impl<'a> SplitLearner<'a> {
-    pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<Apart>) -> Self {
+    /// Of a recording, with messages of the channels of `order` in the order of their times, and room for them.
+    pub(super) fn new(input: &'a Input, config: &Config, options: Options, order: Option<(Apart, Spill)>) -> Self {
         let learner = Learner::new(config);
         let learner = match order {
-            Some(channels) => learner.in_time_order(channels),
+            Some((channels, room)) => learner.in_time_order(channels, Box::new(room)),
             None => learner,
         };
         let limits = config.limits.of_recordings();
@@ -89,6 +91,9 @@ impl Listening<'_, '_> {
     /// Keeps the blocks that are ready.
     fn keep(&mut self) -> Result<(), Error> {
         let Self { learner, kept, contents, .. } = self;
+        if let Some(failure) = learner.take_failure() {
+            return Err(failure);
+        }
         let blocks: Vec<_> = learner.take_blocks().collect();
         blocks.iter().try_for_each(|block| {
             contents.count(learner.topics(), block);

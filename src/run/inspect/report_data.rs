@@ -10,6 +10,7 @@ use crate::pipeline::timelines::Timelines;
 use crate::report::Timeline;
 use crate::run::input::recording::Watch;
 use crate::run::input::splits::{Input, Read};
+use crate::run::output::spill::Spill;
 
 /// Data of a report.
 #[derive(Debug, Default)]
@@ -46,7 +47,7 @@ fn report_data_in_order(
     let config = used.as_ref().unwrap_or(config);
     let mut timelines = Timelines::new(config, settings.is_some());
     let mut learner = settings.is_none().then(|| match order {
-        Some(channels) => Learner::new(config).in_time_order(channels),
+        Some(channels) => Learner::new(config).in_time_order(channels, Box::new(Spill::temporary())),
         None => Learner::new(config),
     });
     let mut splits = input.split_names();
@@ -68,7 +69,7 @@ fn report_data_in_order(
             }
         }
         learner.iter_mut().for_each(|learner| timelines.learned(learner));
-        Ok(())
+        learner.as_mut().and_then(Learner::take_failure).map_or(Ok(()), Err)
     })?;
     let mut hidden = Damages::default();
     input.hidden_damages(config.limits.of_recordings(), watch, |split, damage| hidden.add(split, damage))?;
@@ -78,6 +79,9 @@ fn report_data_in_order(
     }
     if let Some(mut learner) = learner {
         learner.close(&mut |_| {});
+        if let Some(failure) = learner.take_failure() {
+            return Err(failure);
+        }
         timelines.learned(&mut learner);
         if !learner.has_imu() {
             return Err(no_imu(input.path(), learner.sources(), &learner.obstacles()));

@@ -74,7 +74,7 @@ impl Output {
         in_place::check(changed(recording)?, recording.path())?;
         let path = recording.path().to_owned();
         let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned)).unwrap_or_default();
-        let staged = tempfile::tempfile_in(folder).map_err(Error::io("write beside", &path))?;
+        let staged = tempfile::tempfile_in(folder).map_err(Error::io("write temporary data beside it", &path))?;
         Ok(Self { path, medium: Medium::Itself(0, staged) })
     }
 
@@ -132,7 +132,7 @@ impl Output {
             }
             (Medium::Object(_), Piece::Indexes(_)) => Ok(()),
             (Medium::Itself(_, staged), piece) => {
-                append(piece, recording, staged).map_err(Error::io("write beside", &self.path))
+                append(piece, recording, staged).map_err(Error::io("write temporary data beside it", &self.path))
             }
             (Medium::Existing(file, equal), piece) => {
                 let there = FileAt { file, path: &self.path };

@@ -1,17 +1,18 @@
 //! Bytes that would grow with the recording, kept in an unnamed file until they are needed.
 
-use std::io::{self, Read as _, Seek as _, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use tempfile::SpooledTempFile;
 
 use crate::Error;
+use crate::pipeline::time_merge::Shelf;
 use crate::run::store::is_url;
 
 /// Most bytes kept in memory (256 KiB): most recordings need no file at all.
 const ROOM: usize = 256 << 10;
 
-/// Bytes that are appended first and then read back from the beginning.
+/// Bytes that are appended first and then read back from the beginning, or as a [`Shelf`] in any order.
 pub(crate) struct Spill {
     file: SpooledTempFile,
     /// Path beside which the file is.
@@ -23,15 +24,15 @@ impl Spill {
     /// An empty one on the disk of `path`, or of temporary files if that is in a store; it leaves nothing behind.
     pub(crate) fn beside(path: &Path) -> Self {
         if is_url(path) {
-            let folder = std::env::temp_dir();
-            return Self {
-                file: tempfile::spooled_tempfile_in(ROOM, &folder),
-                path: folder.join("annotations"),
-                length: 0,
-            };
+            return Self::temporary();
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Self { file: tempfile::spooled_tempfile_in(ROOM, folder), path: path.to_owned(), length: 0 }
+    }
+
+    /// An empty one on the disk of temporary files.
+    pub(crate) fn temporary() -> Self {
+        Self::beside(&std::env::temp_dir().join("stillpoint"))
     }
 
     /// Appends bytes.
@@ -41,7 +42,7 @@ impl Spill {
     /// If the system refuses.
     pub(crate) fn push(&mut self, bytes: &[u8]) -> Result<(), Error> {
         self.length += bytes.len() as u64;
-        self.file.write_all(bytes).map_err(Error::io("write beside", &self.path))
+        self.file.write_all(bytes).map_err(Error::io("write temporary data beside it", &self.path))
     }
 
     /// Appends bytes as one item.
@@ -60,7 +61,7 @@ impl Spill {
     ///
     /// If the system refuses.
     pub(crate) fn rewind(&mut self) -> Result<(), Error> {
-        self.file.rewind().map_err(Error::io("read beside", &self.path))
+        self.file.rewind().map_err(Error::io("read temporary data beside it", &self.path))
     }
 
     /// Passes all bytes on, block by block.
@@ -73,7 +74,7 @@ impl Spill {
         let mut buffer = vec![0; ROOM.min(self.length as usize)];
         while self.length > 0 {
             buffer.truncate(self.length as usize);
-            self.file.read_exact(&mut buffer).map_err(Error::io("read beside", &self.path))?;
+            self.file.read_exact(&mut buffer).map_err(Error::io("read temporary data beside it", &self.path))?;
             each(&buffer)?;
             self.length -= buffer.len() as u64;
         }
@@ -96,9 +97,21 @@ impl Spill {
             file.read_exact(&mut item)?;
             Ok(item)
         };
-        let item = read(&mut self.file).map_err(Error::io("read beside", &self.path))?;
+        let item = read(&mut self.file).map_err(Error::io("read temporary data beside it", &self.path))?;
         self.length = self.length.saturating_sub(8 + item.len() as u64);
         Ok(Some(item))
+    }
+}
+
+impl Shelf for Spill {
+    fn append(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.file.seek(SeekFrom::End(0)).map_err(Error::io("write temporary data beside it", &self.path))?;
+        self.push(bytes)
+    }
+
+    fn read_at(&mut self, at: u64, into: &mut [u8]) -> Result<(), Error> {
+        let read = self.file.seek(SeekFrom::Start(at)).and_then(|_| self.file.read_exact(into));
+        read.map_err(Error::io("read temporary data beside it", &self.path))
     }
 }
 
