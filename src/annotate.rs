@@ -1,7 +1,6 @@
 //! Events to message bytes and back: the topic of an event, its encoding, and its block.
 //!
-//! Ids, chunks and files are left to [`record`](crate::record); the stamp in a message's header is the engine's. The
-//! result is a function of the events and of the ends of the input's chunks, never of wall-clock time.
+//! The stamp in a message's header is the engine's; [`record`](crate::record) adds ids and chunks. The result is a function of the events and of the ends of the input's chunks, never of wall-clock time.
 
 mod block;
 mod cdr;

@@ -1,4 +1,4 @@
-//! Command line as the user typed it. Its meaning is left to the [`commands`](crate::commands).
+//! Command line as the user typed it. [`commands`](crate::commands) carry it out.
 
 mod following;
 mod shared;

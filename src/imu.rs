@@ -1,5 +1,5 @@
 //! Samples, and how message bytes become samples: the schema of a channel is compiled once to a flat plan, which walks
-//! its messages without building values. The use of samples is left to [`engine`](crate::engine).
+//! its messages without building values.
 //!
 //! [`Intake`] is the entry point: channels and messages go in, samples come out. It uses three modules: `schema`
 //! (schema text to [`Layout`]), `decode` ([`Layout`] to numbers) and `mapping` (channels to IMUs).

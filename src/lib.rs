@@ -15,6 +15,7 @@
 //!
 //! From the bottom up; each layer may import only those above it in this list, and a test enforces that.
 //!
+//! * `error`, `stamp`: errors of commands, and times.
 //! * [`topic`]: names of annotation topics. [`printable`]: escaping of outside text for printing. `plural`:
 //!   numbers of things in sentences.
 //! * [`messages`]: the annotations as types, generated from `schemas/`.
@@ -39,13 +40,20 @@
 //!
 //! # The path of a message
 //!
-//! In batch: `run/input` reads the bytes, [`record::Scan`] makes events of them, the pipeline's table of channels and
-//! [`imu::Intake`] make samples, [`engine::Engine`] makes events of those, [`annotate::Annotator`] makes blocks,
-//! `run/batch` keeps them until everything is read, and [`record::Fold`] makes the annotated recording, which
-//! `run/output` writes.
+//! In batch: `run/input` reads the bytes, [`record::Scan`] makes events of them, and `pipeline::learner::Learner` takes these
+//! through all layers (`learner/use_message` is one message): its `Sources`, which are a table of channels and
+//! [`imu::Intake`], make readings, [`imu::Timing`] corrects their times, [`engine::Engine`] makes events of those,
+//! [`annotate::Annotator`] makes blocks. `run/batch` keeps the blocks of a file until it is read (of all files where one
+//! result needs them), and [`record::Fold`] makes the annotated recording, as pieces that `run/output` writes; the
+//! original's bytes are copied meanwhile.
 //!
-//! A chunk without useful channels is not decompressed: `pipeline/sources` says which channels are useful,
-//! `run/input/prefetch` answers `Supply::Unread`, `record/scan/read_data` skips the chunk.
+//! A recording is read a second time where accelerometer and gyroscope stand one behind the other in it
+//! (`pipeline/time_order` finds them, `pipeline/time_merge` merges them), and for messages that are corrected by the last
+//! calibration (`pipeline/correction_pass`).
+//!
+//! Batch does not decompress a chunk without useful channels: `pipeline/sources` says which channels are useful, the
+//! listener of `run/batch/split_learner` passes that on unless `--verify` is set, `run/input/prefetch` answers
+//! `Supply::Unread`, `record/scan/read_data` skips the chunk. A tail reads every chunk.
 //!
 //! In a tail: the same scan, pipeline, engine and annotator, fed by a growing file. [`record::Sidecar`] puts blocks
 //! into the sidecar at once, and chunk indexes go into a log beside the checkpoint. At the end
@@ -72,7 +80,8 @@
 //!
 //! [`engine::Engine`] for the order of learning; [`fit`] for the models; [`imu::Intake`] for reading messages;
 //! [`run::annotate`](run::annotate()) and [`run::tail`](run::tail()) for the program's work. A preset is an entry in
-//! the table of `imu/preset.rs`, a model a file in `fit/`, a foreign format a file in `report/export/`, a message type
+//! the table of `imu/preset.rs`, a model a file in `fit/`, the noise floor
+//! `still/noise_floor.rs`, a foreign format a file in `report/export/`, a message type
 //! a line in `imu/mapping/known_types.rs`, an annotation a message in `schemas/` and a kind in [`topic`].
 //!
 //! # Direction of the numbers

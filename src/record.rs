@@ -1,5 +1,5 @@
-//! MCAP bytes: recordings in, recordings out. The meaning of messages is left to [`imu`](crate::imu) and
-//! [`annotate`](crate::annotate).
+//! MCAP bytes: recordings in, recordings out. Only [`imu`](crate::imu) and [`annotate`](crate::annotate)
+//! know what a message means.
 
 mod annotations;
 mod chunk;

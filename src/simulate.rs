@@ -1,5 +1,5 @@
 //! Recordings with known truth: a [`Scenario`] describes the sensors, their rests and their motion, [`samples`]
-//! computes their readings, and [`record`] writes an MCAP recording. Learning from it is left to the other layers.
+//! computes their readings, and [`record`] writes an MCAP recording.
 //!
 //! The motion is physical: the gyroscope's true rate is the derivative of the attitude, the true specific force is the
 //! reaction to gravity plus the acceleration of the hand, and a rest has no motion at all. Noise comes from a seeded

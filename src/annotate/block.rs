@@ -1,4 +1,4 @@
-//! Block being filled, and the rule for closing it. The use of a closed block is left to the caller.
+//! Block being filled, and the rule for closing it.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Primitives of CDR, little-endian, version 1, as in ROS 2 recordings. The order of the fields is left to the caller.
+//! Primitives of CDR, little-endian, version 1, as in ROS 2 recordings.
 
 use prost_types::Timestamp;
 

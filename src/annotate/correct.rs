@@ -1,6 +1,6 @@
 //! Correction of readings by a published calibration: `true = S⁻¹ (measured − bias)`, or for a gyroscope with
-//! g-sensitivity `S⁻¹ (measured − bias − G · true acceleration)`. The bias is that of the temperature, if it is known. Writing them into messages is left to
-//! [`Intake::rewrite`](crate::imu::Intake::rewrite).
+//! g-sensitivity `S⁻¹ (measured − bias − G · true acceleration)`. The bias is that of the temperature, if it is
+//! known. [`Intake::rewrite`](crate::imu::Intake::rewrite) writes corrected readings into messages.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};

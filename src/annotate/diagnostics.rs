@@ -1,5 +1,5 @@
 //! ROS diagnostics, for the status panels of viewers. They are shown live and are not annotations, which hold the same
-//! information. When to send them is left to the caller.
+//! information.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! The two encodings of annotations, both derived from one descriptor set. The ROS 2 message types are left to
+//! The two encodings of annotations, both derived from one descriptor set. The ROS 2 message types are in
 //! [`ros2`](super::ros2).
 
 use std::collections::BTreeMap;

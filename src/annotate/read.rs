@@ -1,4 +1,4 @@
-//! Decoding of annotations. Finding them in a recording is left to [`record`](crate::record).
+//! Decoding of annotations.
 
 use prost::{Message as _, Name};
 use prost_reflect::{DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, Value};

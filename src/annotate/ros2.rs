@@ -1,5 +1,5 @@
-//! Annotations as ROS 2 messages: their types and bytes. The text of their definitions is left to
-//! [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
+//! Annotations as ROS 2 messages: their types and bytes. The text of their definitions is
+//! in [`ros2msg`](super::ros2msg), which walks the same fields in the same order.
 //!
 //! ROS 2 cannot omit a field. If nothing was estimated, every `float64` is NaN, also those of a message that is absent
 //! as a whole; all other fields are zero or empty.

@@ -1,5 +1,5 @@
-//! `ros2msg` text of an annotation's definition, with the comments of `schemas/`. The types of fields are left to
-//! [`ros2`](super::ros2).
+//! `ros2msg` text of an annotation's definition, with the comments of `schemas/`. The types of fields are those
+//! of [`ros2`](super::ros2).
 
 use std::fmt::Write as _;
 

@@ -1,5 +1,5 @@
 //! Entry point of this module: channels and messages in, samples out. It decides what is an IMU, when a sample was
-//! measured, and what is refused. Rests are left to [`still`](crate::still).
+//! measured, and what is refused.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,5 +1,5 @@
-//! Datasheets of common sensors, one entry each in [`DATASHEETS`]. The use of their figures is left to the
-//! [`engine`](crate::engine).
+//! Datasheets of common sensors, one entry each in [`DATASHEETS`]. [`engine`](crate::engine) applies their
+//! figures.
 //!
 //! Biases and scales include the initial tolerance and the change over the whole temperature range, for the worst axis:
 //! a sensor in use is neither new nor at 25 °C. A figure that was not available is left out, and the assumption for any

@@ -1,5 +1,6 @@
 //! Correction of the readings' times before they are used: stamps that stand still, wrap, stray or are in another unit,
-//! and readings that arrive a little late. Larger gaps and delays are left to the segmenter.
+//! and readings that arrive a little late. Larger gaps and delays end a rest (see
+//! [`Segmenter`](crate::still::Segmenter)).
 
 mod log_interval;
 mod opening;

@@ -1,6 +1,6 @@
-//! Corrected messages: those of the sources, with true values instead of the measured ones. Their time and calibration
-//! are left to [`Learner`](crate::pipeline::learner::Learner) and to the
-//! [correction pass](crate::pipeline::correction_pass).
+//! Corrected messages: those of the sources, with true values instead of the measured ones. The
+//! [`Learner`](crate::pipeline::learner::Learner) or the [correction pass](crate::pipeline::correction_pass) says when and by
+//! which calibration.
 
 use std::collections::{BTreeMap, BTreeSet};
 

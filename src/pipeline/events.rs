@@ -1,5 +1,4 @@
-//! Events reported while a recording is followed. Showing them, on a terminal, as lines or in a viewer, is left to the
-//! receiver.
+//! Events reported while a recording is followed.
 
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! Learner: a recording's messages through intake, engines and annotator, to findings and annotations.
 //!
-//! Reading the messages is left to [`Recording`](crate::run::input::recording::Recording), writing the annotations to
-//! [`annotate`](crate::run::annotate()).
+//! [`Recording`](crate::run::input::recording::Recording) reads the messages, [`annotate`](crate::run::annotate()) writes the
+//! annotations.
 
 mod engine_setup;
 mod finish;
@@ -103,7 +103,7 @@ impl Learner {
         Self { time_merge: Some(TimeMerge::new(channels, shelf)), ..self }
     }
 
-    /// Why the shelf failed, if it did. The results are then incomplete.
+    /// Error of the shelf, if it failed. The results are then incomplete.
     pub(crate) fn take_failure(&mut self) -> Option<Error> {
         self.time_merge.as_mut().and_then(TimeMerge::take_failure)
     }

@@ -126,7 +126,7 @@ impl TimeMerge {
         format!("{BEHIND}: read in the order of their {order}")
     }
 
-    /// Why the shelf failed, if it did. What was merged is then incomplete.
+    /// Error of the shelf, if it failed. The merged messages are then incomplete.
     pub(crate) fn take_failure(&mut self) -> Option<Error> {
         self.failure.take()
     }

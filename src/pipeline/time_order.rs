@@ -90,7 +90,7 @@ impl TimeOrder {
         })
     }
 
-    /// What no order corrects, for IMUs with these channels.
+    /// Remark on times that no order corrects, for IMUs with these channels.
     pub(crate) fn remark(&self, parts: impl Iterator<Item = BTreeSet<u16>>) -> Option<String> {
         self.behind(parts).any(|(_, common)| !common).then(|| {
             format!(
@@ -142,7 +142,7 @@ mod tests {
         order.apart(std::iter::empty()).is_some()
     }
 
-    /// Which channels are apart by their stamps, and whether nothing can be done.
+    /// Channels that are apart by their stamps, and whether nothing can be done.
     fn by_stamps(messages: impl IntoIterator<Item = (u16, i64)>) -> (Option<Apart>, bool) {
         let mut order = TimeOrder::default();
         for (channel, ms) in messages {

@@ -15,7 +15,7 @@ use crate::arrays::{self, json};
 use crate::tables;
 use crate::triad::Triad;
 
-/// What was learned of one IMU: its triads, its rests, and the turns between them.
+/// Findings of one IMU: its triads, its rests, and the turns between them.
 #[pyclass(frozen, module = "stillpoint")]
 pub struct Calibration {
     findings: Findings,
@@ -211,7 +211,7 @@ impl Calibration {
 }
 
 impl Calibration {
-    /// Why readings of a sensor cannot be corrected.
+    /// Reason why readings of a sensor cannot be corrected.
     fn uncorrected(&self, sensor: &str, alone: bool) -> PyErr {
         let triad = self.document.get(sensor);
         let note = triad.and_then(|triad| triad.get("notes")?.get(0)?.as_str());

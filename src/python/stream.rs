@@ -9,7 +9,7 @@ use stillpoint::report::Findings;
 use stillpoint::still::State;
 use stillpoint::{Stamp, printable};
 
-/// What is known of the IMU besides its readings.
+/// Knowledge of the IMU besides its readings.
 pub struct Imu {
     pub name: String,
     pub preset: Option<Preset>,

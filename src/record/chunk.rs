@@ -148,7 +148,7 @@ pub(super) struct Inflate {
 impl Inflate {
     /// Decompresses and checks the chunk whose compressed bytes are `data`. Returns the place of its records.
     ///
-    /// The error is a description of the problem. The size is not checked here: that is left to [`Limits`].
+    /// The error is a description of the problem. The size is not checked here, but by [`Limits`].
     pub(super) fn open(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<Storage, String> {
         let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
         self.more = false;

@@ -1,5 +1,5 @@
-//! Check of a chunk's records before any of them is used: whether each is whole, and what they define. Keeping the
-//! result is left to [`Inventory`](super::Inventory).
+//! Check of a chunk's records before any of them is used: whether each is whole, and what they define. The
+//! [`Inventory`](super::Inventory) keeps the result.
 
 use std::collections::BTreeMap;
 

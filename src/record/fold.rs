@@ -1,5 +1,5 @@
-//! `annotated = original ⊕ annotations`, as a sequence of pieces. Copying the original's bytes and writing the pieces
-//! is left to the shell.
+//! `annotated = original ⊕ annotations`, as a sequence of pieces. A piece of the original is
+//! a range of its bytes, which the shell copies.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

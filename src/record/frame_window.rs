@@ -1,5 +1,4 @@
-//! Window of a recording's bytes, walked one whole `[opcode][length][body]` frame at a time. The content of frames is
-//! left to [`Scan`](super::Scan).
+//! Window of a recording's bytes, walked one whole `[opcode][length][body]` frame at a time.
 
 use std::ops::Range;
 

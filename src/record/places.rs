@@ -1,5 +1,5 @@
 //! Places of the chunks and attachments of a recording, by its summary: for readers to whom every look at the data is dear.
-//! What is in no chunk index is left to the [`Scan`](super::Scan), which reads it.
+//! The [`Scan`](super::Scan) reads the bytes that no chunk index covers.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

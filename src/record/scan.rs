@@ -1,5 +1,5 @@
-//! Scan of a recording: bytes in, messages out. A state machine that asks for bytes and never waits for them. The
-//! meaning of messages is left to [`imu`](crate::imu), reading files and waiting for more bytes to the shell.
+//! Scan of a recording: bytes in, messages out. A state machine that asks for bytes and never waits for them. The shell
+//! reads files and waits for more.
 //!
 //! Files named after things (`message_indexes`, `search`, `early_summary`, …) hold the parts of its state, files named after
 //! actions (`check_indexes`, `resync`, `ask_summary`, …) the steps from one stage to the next.

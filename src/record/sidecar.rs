@@ -1,5 +1,4 @@
-//! Annotations alone, as a recording of their own that viewers show on the original's timeline. Writing the bytes is
-//! left to the shell.
+//! Annotations alone, as a recording of their own that viewers show on the original's timeline.
 
 use std::collections::BTreeMap;
 

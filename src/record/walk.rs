@@ -1,5 +1,4 @@
-//! Walk over the records of a file whose bytes are available, from frame to frame. The content of the frames is left to
-//! the caller.
+//! Walk over the records of a file whose bytes are available, from frame to frame.
 
 use std::io;
 use std::ops::Range;

@@ -1,5 +1,5 @@
 //! Byte layout of MCAP: little-endian fields, length-prefixed strings and maps, `[opcode][length][body]` records. The
-//! meaning of the records is left to [`records`](super::records).
+//! records themselves are in [`records`](super::records).
 
 use std::collections::BTreeMap;
 

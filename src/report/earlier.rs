@@ -13,9 +13,9 @@ pub struct Earlier<'a> {
 /// IMU of an earlier calibration that one of the recording is compared with.
 #[derive(Clone, Debug)]
 pub struct Counterpart<'a> {
-    /// What was found of it.
+    /// Its findings.
     pub findings: &'a Findings,
-    /// Why this one, if it goes by another name.
+    /// Reason for comparing with this one, if it goes by another name.
     pub note: Option<String>,
 }
 
@@ -64,7 +64,7 @@ impl<'a> Earlier<'a> {
     }
 }
 
-/// What is said where the only IMU of an earlier calibration stands for the only one of a recording.
+/// Note where the only IMU of an earlier calibration stands for the only one of a recording.
 fn other_name(then: &Findings, now: &str) -> Option<String> {
     Some(match then.name.as_str() {
         "" => format!(

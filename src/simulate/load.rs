@@ -1,4 +1,4 @@
-//! Scenarios from TOML. Checking the values is left to `validate`.
+//! Scenarios from TOML. `validate` checks their values.
 
 use super::builtin::BUILTIN;
 use super::validate::validate;

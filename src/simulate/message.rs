@@ -1,4 +1,4 @@
-//! Readings as messages, in each of the encodings, with their schemas. Their topics are left to `write`.
+//! Readings as messages, in each of the encodings, with their schemas. `write` gives them their topics.
 
 mod content;
 mod ros;

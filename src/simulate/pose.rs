@@ -1,4 +1,4 @@
-//! Attitudes of the sensor in a world whose z axis points up. Motion between attitudes is left to `trajectory`.
+//! Attitudes of the sensor in a world whose z axis points up. `trajectory` moves from one to the next.
 //!
 //! An attitude rotates the sensor's frame into the world. Angles go through `libm`, for the same bytes on every
 //! machine.

@@ -1,4 +1,4 @@
-//! Readings of a session in the order of their stamps. Writing them is left to `write`.
+//! Readings of a session in the order of their stamps.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;

@@ -1,4 +1,4 @@
-//! Scenario, as described by a TOML file. Parsing is left to `load`.
+//! Scenario, as described by a TOML file.
 
 use std::collections::BTreeMap;
 

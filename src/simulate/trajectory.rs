@@ -1,5 +1,5 @@
-//! Trajectory of the sensor in its session: attitude, true angular rate and true specific force at any instant. The
-//! readings are left to `sensor`.
+//! Trajectory of the sensor in its session: attitude, true angular rate and true specific force at any instant. `sensor`
+//! makes readings of them.
 //!
 //! The time scaling of a motion is the minimum-jerk polynomial `s(u) = 10u³ − 15u⁴ + 6u⁵` (Flash and Hogan 1985), whose
 //! speed and acceleration vanish at both ends. Movements there and back follow the bump `b(u) = 64u³(1 − u)³`.

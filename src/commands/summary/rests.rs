@@ -94,7 +94,7 @@ pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
     said
 }
 
-/// What is said of a rejected rest that counts in part.
+/// Remark on a rejected rest that counts in part.
 fn in_part(findings: &Findings, rest: &Segment) -> &'static str {
     if findings.is_used_in_part(rest) { " (used for what is known in part)" } else { "" }
 }

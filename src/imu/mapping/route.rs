@@ -319,7 +319,7 @@ impl Tap {
         if Sample::is_reading(&value) { Ok(value) } else { Err(Cause::NotFinite) }
     }
 
-    /// What the message would say of a reading in m/s² or rad/s.
+    /// A reading in m/s² or rad/s in the units and axes of the message.
     fn as_read(&self, value: &Vector3<f64>, numbers: &[f64]) -> Vector3<f64> {
         // Without a unit there was no reading.
         let own = self.order.undo(value) / self.unit(numbers).unwrap_or(f64::NAN);

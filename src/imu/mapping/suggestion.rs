@@ -218,7 +218,7 @@ fn flat_candidates(layout: &Layout) -> Vec<(String, VectorPath)> {
     lists.map(|(path, axes)| (path.name().to_lowercase(), VectorPath::Axes(axes))).collect()
 }
 
-/// What could be readings in lists that are not understood by their names, and what to do about it; `None` where neither
+/// Lists that could be readings and are not understood by their names, and what to do about them; `None` where neither
 /// the topic nor a field is called after a sensor.
 pub(in crate::imu) fn puzzle(topic: &str, layout: &Layout) -> Option<String> {
     let topic = topic.to_lowercase();

@@ -1,4 +1,4 @@
-//! Temperature of an IMU in the messages of a channel. Its use is left to [`engine`](crate::engine).
+//! Temperature of an IMU in the messages of a channel.
 
 use serde::{Deserialize, Serialize};
 

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use super::read::Read;
+use super::strays::MOST_HELD;
 use crate::imu::sample::{Reading, Sample};
 use crate::plural::counted;
 
@@ -15,8 +16,6 @@ use crate::plural::counted;
 const CALM: u32 = 200;
 /// Number of consecutive readings beyond the allowed delay that show that the clock was set back.
 const PATIENCE: u32 = 5;
-/// Largest number of held readings per sensor.
-const MOST_HELD: usize = 1 << 14;
 
 /// Queue that holds readings back until all earlier ones must have arrived.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -13,19 +13,15 @@ use super::log_interval::since;
 use super::opening::{Opening, Pace, Stamped};
 use super::read::Read;
 use super::stamp_counts::StampCounts;
-use super::strays::{Course, Point, Stray, Strays, agrees, goes_on};
+use super::strays::{AHEAD, Course, MOST_HELD, Point, Stray, Strays, agrees, goes_on};
 use crate::Stamp;
 use crate::imu::sample::{Reading, Sample};
 
 /// Longest time for which a working clock stands still, ns: the coarsest known clocks count whole seconds.
 const STUCK: i64 = 2_500_000_000;
-/// Largest number of held messages with one stamp.
-const MOST_HELD: usize = 1 << 14;
 /// Stamps are implausible if their course is broken this often, and in one of so many messages.
 const SENSELESS: u64 = 5;
 const SENSELESS_ONCE_IN: u64 = 2000;
-/// Largest deviation of a stamp's step from the log time's over a wrap, ns.
-const AHEAD: i64 = 500_000_000;
 /// Ranges of 32-bit counters of milliseconds, microseconds and nanoseconds, in ns.
 const WRAPS: [i64; 3] = [(1 << 32) * 1_000_000, (1 << 32) * 1000, 1 << 32];
 
@@ -286,7 +282,7 @@ impl Stamps {
         }
     }
 
-    /// Which of the held messages repeat the one before them: a driver that is polled faster than its sensor measures repeats
+    /// Marks the held messages that repeat the one before them: a driver that is polled faster than its sensor measures repeats
     /// most, under a coarse clock, too. Fewer are chance.
     fn repeats(&self, held: &[(u64, Vec<Read>)]) -> Vec<bool> {
         let before = std::iter::once(&self.first).chain(held.iter().map(|(_, readings)| readings));

@@ -7,7 +7,7 @@ use super::log_interval::since;
 use super::read::Read;
 
 /// Largest excess of a stamp's step over the log time's, ns. More contradicts the log time.
-const AHEAD: i64 = 500_000_000;
+pub(super) const AHEAD: i64 = 500_000_000;
 /// Longest step that is believed at once, whatever the log says, ns.
 const FAR: i64 = 10_000_000_000;
 /// Largest lateness of a reading, ns: the largest `still.late_s`.
@@ -16,8 +16,8 @@ const LATEST: i64 = 10_000_000_000;
 const PATIENCE: usize = 5;
 /// Number of messages without an order among them that show that stamps make no sense.
 const SENSELESS: usize = 16;
-/// Largest number of held messages.
-const MOST_HELD: usize = 1 << 14;
+/// Largest number of messages, or readings of a sensor, that are held at once.
+pub(super) const MOST_HELD: usize = 1 << 14;
 
 /// Point of a channel's course: a stamp, ns, and the log time beside it.
 pub(super) type Point = (i64, u64);
@@ -38,7 +38,7 @@ pub(super) struct Strays {
     held: Vec<Stray>,
 }
 
-/// What the held messages are.
+/// Verdict on the held messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Course {
     /// Not yet known.
@@ -54,7 +54,7 @@ impl Stray {
         (self.stamp, self.log_time)
     }
 
-    /// How late it is behind the newest stamp, ns, if it can be late.
+    /// Lateness behind the newest stamp, ns, if it can be late.
     pub(super) fn lateness(&self, newest: i64) -> Option<i64> {
         let late = newest.saturating_sub(self.stamp);
         // A stamp of 0 was not set.

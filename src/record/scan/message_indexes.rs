@@ -1,5 +1,5 @@
-//! Message-index check: the chunk whose indexes may follow, and their expected content. Indexing its messages anew is
-//! left to [`Reindexed`](crate::record::reindex::Reindexed).
+//! Message-index check: the chunk whose indexes may follow, and their expected content.
+//! [`Reindexed`](crate::record::reindex::Reindexed) indexes them anew.
 
 use std::collections::BTreeMap;
 

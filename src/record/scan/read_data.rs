@@ -1,5 +1,5 @@
-//! Records before DataEnd. What follows a chunk is left to [`check_indexes`](super::check_indexes), attachments to
-//! [`read_attachment`](super::read_attachment).
+//! Records before DataEnd. [`check_indexes`](super::check_indexes) reads what follows a chunk,
+//! [`read_attachment`](super::read_attachment) attachments.
 
 use std::collections::BTreeSet;
 

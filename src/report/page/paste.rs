@@ -77,7 +77,7 @@ fn numbers(triad: &Triad) -> Option<Value> {
     is_finite.then_some(value)
 }
 
-/// What is said of a sensitivity that nothing told.
+/// Remark on a sensitivity that nothing told.
 const ASSUMED: &str = "not estimated: the identity, as if it had no error";
 
 fn unit(triad: &Triad) -> &'static str {

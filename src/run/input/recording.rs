@@ -26,7 +26,7 @@ pub struct Recording {
     original: Original,
     /// Configuration of the annotations beside the original, as TOML.
     annotated_with: Option<String>,
-    /// What shows that another program edited the file after it was annotated.
+    /// Sign that another program edited the file after it was annotated.
     edited: Option<&'static str>,
 }
 

@@ -1,4 +1,4 @@
-//! NoObject stores where the program was built without them: every URL is refused.
+//! Object stores where the program was built without them: every URL is refused.
 
 use std::convert::Infallible;
 use std::io;

@@ -1,5 +1,5 @@
-//! Parts of an object that were requested, until they are no longer needed. Requesting them is left to
-//! [`object`](super::object).
+//! Parts of an object that were requested, until they are no longer needed. [`object`](super::object)
+//! requests them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,5 +1,5 @@
-//! Object stores: recordings read from them by ranges, and results that appear in them when they are complete. Which
-//! ranges are read is left to [`input`](super::input).
+//! Object stores: recordings read from them by ranges, and results that appear in them when they are complete. The
+//! ranges are those that [`input`](super::input) wants.
 //!
 //! A URL travels as the path of a recording or result, and only here means more than its text. Without the feature
 //! `object-store`, every URL is refused.

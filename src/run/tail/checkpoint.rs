@@ -112,7 +112,7 @@ pub(super) struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// What the path holds is looked at, and left as it is.
+    /// Looks at the file of this path, and leaves it as it is.
     ///
     /// # Errors
     ///
