@@ -12,6 +12,7 @@ mod leg;
 mod piece;
 mod prediction;
 mod preintegrator;
+mod range_end;
 mod reading;
 mod rotation;
 mod timebase;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use stillpoint::engine::Message;
 use stillpoint::messages::{AllanSums, Calibration, Noise, Octaves, Segment, Stillness, Turn, foxglove::Log};
-use stillpoint::report::{coverage, triad};
+use stillpoint::report::{coverage, direction, triad};
 use stillpoint::run::Notice;
 
 /// The JSON of an event; `None` for news that is no event. Times are in nanoseconds.
@@ -94,7 +94,7 @@ fn noise(said: &Noise) -> Value {
 
 fn calibration(said: &Calibration) -> Value {
     json!({
-        "direction": "measured = bias + sensitivity * true",
+        "direction": direction(Some(said)),
         "revision": said.revision,
         "accelerometer": triad(said.accelerometer.as_ref()),
         "gyroscope": triad(said.gyroscope.as_ref()),

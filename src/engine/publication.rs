@@ -61,10 +61,10 @@ pub(super) fn coverage(
         .iter()
         .enumerate()
         .map(|(i, face)| {
-            let on_face = history
-                .entries()
-                .iter()
-                .filter(|entry| entry.verdict.is_accepted() && entry.verdict.face.is_some_and(|(face, _)| face == i));
+            // A model that takes any direction accepts rests between the faces, too.
+            let is_on = |(face, tilt): (usize, f64)| face == i && tilt <= config.fit.max_tilt_deg;
+            let entries = history.entries().iter();
+            let on_face = entries.filter(|entry| entry.verdict.is_accepted() && entry.verdict.face.is_some_and(is_on));
             let mut placements: Vec<_> = on_face.clone().map(|entry| entry.rest.placement).collect();
             placements.dedup();
             messages::Face {

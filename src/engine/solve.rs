@@ -38,6 +38,26 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<EarthLocation>) -> Gravi
 
 /// Judges every rest anew and fits what the accepted ones, or a reference, determine.
 pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Config, givens: &Givens<'_>) -> Solution {
+    let models = candidates(config.fit.model, givens.reference.is_some());
+    let solution = solve_by(models, entries, judge, config, givens);
+    // What is asked for came neither of the rests alone nor of the turns beside them.
+    let is_simpler = !matches!(&solution.accelerometer, Ok(fit) if fit.shape == Parameterisation::TRIANGULAR);
+    match models {
+        [asked, ..] if config.fit.model == Model::Triangular && is_simpler => {
+            solve_by(std::slice::from_ref(asked), entries, judge, config, givens)
+        }
+        _ => solution,
+    }
+}
+
+/// Fits the first of these models that is determined and checked.
+fn solve_by(
+    candidates: &[Parameterisation],
+    entries: &mut [JudgedRest],
+    judge: &Judge<'_>,
+    config: &Config,
+    givens: &Givens<'_>,
+) -> Solution {
     judge.sort_out(entries);
     let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
     let means: Vec<_> = faultless.map(|entry| entry.rest.accelerometer.mean).collect();
@@ -47,7 +67,6 @@ pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Conf
     let mut refused = Vec::new();
     let mut trial = ModelTrial::new(Poses::OnFaces);
     let mut unchecked_richer: Option<(ModelTrial, Vec<Verdict>, usize)> = None;
-    let candidates = candidates(config.fit.model, givens.reference.is_some());
     for &shape in candidates {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
         trial = match givens.reference {
@@ -109,7 +128,8 @@ fn candidates(model: Model, reference: bool) -> &'static [Parameterisation] {
         }
         Model::Auto => &[Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL],
         Model::BiasScale => &[Parameterisation::DIAGONAL],
-        Model::Triangular => &[Parameterisation::TRIANGULAR],
+        // The turns may add to six faces what spread poses would tell.
+        Model::Triangular => &[Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL],
         Model::CrossAxis => &[Parameterisation::MATRIX],
     }
 }

@@ -1,7 +1,7 @@
 //! Findings of a recording, IMU by IMU: the last state of all annotations. They are the same whether the annotations
 //! were just learned or read back.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::engine::{Event, Message};
 use crate::messages::segment::Reason;
@@ -59,6 +59,15 @@ impl Findings {
     /// Number of rests that entered the fit.
     pub fn accepted(&self) -> usize {
         self.rests.values().filter(|rest| rest.accepted).count()
+    }
+
+    /// Number of placements in the fit that lie on no face, but between them.
+    pub fn between_faces(&self) -> usize {
+        let placements: BTreeSet<_> =
+            self.rests.values().filter(|rest| rest.accepted).map(|rest| rest.placement).collect();
+        let faces = self.coverage.iter().flat_map(|coverage| &coverage.faces);
+        let on_faces: usize = faces.map(|face| face.placements as usize).sum();
+        if self.coverage.is_some() { placements.len().saturating_sub(on_faces) } else { 0 }
     }
 
     /// Rests that did not enter the fit, in time order.

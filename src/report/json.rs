@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Account, Change, Drift, Earlier, Findings, SHIFTED, SUSPICIOUS, account, drift, model};
+use super::{Account, Change, Drift, Earlier, Findings, SHIFTED, SUSPICIOUS, account, direction, drift, model};
 use crate::messages::{AxisNoise, Combination, Coverage, TemperatureModel, Triad, Vector3};
 
 /// `{"topic": …, "accelerometer": {…}, …}` for each IMU.
@@ -80,7 +80,7 @@ fn imu(findings: &Findings) -> Value {
     json!({
         "name": findings.name,
         "topic": findings.topic,
-        "direction": "measured = bias + sensitivity * true",
+        "direction": direction(calibration),
         "accelerometer": triad(calibration.and_then(|c| c.accelerometer.as_ref())),
         "gyroscope": triad(calibration.and_then(|c| c.gyroscope.as_ref())),
         "secondary": calibration.iter().flat_map(|c| &c.secondary).map(|t| triad(Some(t))).collect::<Value>(),

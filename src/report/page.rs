@@ -23,7 +23,7 @@ use maud::{Markup, PreEscaped, html};
 use self::elements::{breakable, notes};
 use self::imu::Imu;
 use super::calendar::{date, duration};
-use super::{Earlier, Findings, Timeline};
+use super::{Earlier, Findings, Timeline, cross_terms};
 use crate::printable;
 
 /// Content of a report.
@@ -93,6 +93,9 @@ impl Page<'_> {
                 p.formula {
                     b { "measured = bias + S · true" } "; to correct a reading, "
                     b { "true = S⁻¹ (measured − bias)" }
+                    @if self.timelines.iter().any(|timeline| timeline.findings.triads().any(|triad| !cross_terms(triad).is_empty())) {
+                        "; of a triad with a sensitivity G to the other sensor, G · its true value is taken off with the bias"
+                    }
                 }
             }
         }

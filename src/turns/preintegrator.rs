@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::piece::Piece;
+use super::range_end::RangeEnd;
 use super::timebase::Timebase;
 use crate::Stamp;
 
@@ -117,8 +118,7 @@ pub struct Preintegrator {
     cell: Vector3<f64>,
     /// Difference of the last two samples, rad/s.
     difference: Option<Vector3<f64>>,
-    /// Highest and lowest reading of the stream, per axis.
-    extremes: Option<[Vector3<f64>; 2]>,
+    range_end: Option<RangeEnd>,
     open: Open,
 }
 
@@ -140,9 +140,6 @@ struct Open {
     force: Vector3<f64>,
     forces: u32,
 }
-
-/// Least reading that can be at the end of a range, rad/s.
-const FAST: f64 = 0.5;
 
 impl Preintegrator {
     /// Takes a sample, and returns the stretch that it closes, if any.
@@ -197,12 +194,12 @@ impl Preintegrator {
         self.open.pinned = self.open.pinned.saturating_add(Self::CLIPPED);
     }
 
-    /// Number of readings at the extremes of the stream so far that mean the end of a range.
-    pub const CLIPPED: u16 = 2;
+    /// Number of readings that stopped at an extreme of the stream that means the end of a range.
+    pub const CLIPPED: u16 = 1;
 
     /// Largest reading of the stream, rad/s.
     pub fn peak(&self) -> f64 {
-        self.extremes.map_or(0.0, |[high, low]| high.amax().max(low.amax()))
+        self.range_end.map_or(0.0, |end| end.peak())
     }
 
     fn begin(&mut self, stamp: Stamp, rate: &Vector3<f64>) {
@@ -214,19 +211,12 @@ impl Preintegrator {
         self.look_for_range(rate);
     }
 
-    /// Counts readings at the extremes: those that stop at one value are at the end of a range; a rising rate passes
-    /// each value once.
+    /// Counts readings that stop at an extreme of the stream.
     fn look_for_range(&mut self, rate: &Vector3<f64>) {
-        let peak = rate.amax();
-        self.open.peak = self.open.peak.max(peak);
-        let [high, low] = self.extremes.get_or_insert([*rate; 2]);
-        if peak > FAST
-            && (0..3).any(|axis| rate[axis].abs() > FAST && (rate[axis] == high[axis] || rate[axis] == low[axis]))
-        {
+        self.open.peak = self.open.peak.max(rate.amax());
+        if self.range_end.get_or_insert(RangeEnd::of(rate)).push(rate) {
             self.open.pinned = self.open.pinned.saturating_add(1);
         }
-        *high = high.sup(rate);
-        *low = low.inf(rate);
     }
 
     fn close(&mut self, end: Stamp, broken: bool) -> Option<Stretch> {

@@ -68,6 +68,14 @@ fn spread_poses_determine_the_triangular_model_as_the_references_do() {
         assert_close("bias", vector(&accelerometer["bias"]), [0.1023, 0.0976, 0.3461], 0.003);
         assert_close("scale", diagonal(&accelerometer["sensitivity"]), [1.0039, 1.0034, 1.0069], 5e-4);
     }
+    // It was never laid on its z faces, and what lies between faces is on none.
+    let run = annotate(&input, &[]);
+    for said in ["+Z not seen", "-Z not seen", "between faces"] {
+        assert!(run.stderr.contains(said), "{said}: {}", run.stderr);
+    }
+    let faces = &run.json()["imus"][0]["coverage"]["faces"];
+    let seen: u64 = faces.as_array().unwrap().iter().map(|face| face["placements"].as_u64().unwrap()).sum();
+    assert!(seen < 12, "{faces}");
 }
 
 #[test]

@@ -50,3 +50,47 @@ fn a_span_that_was_nearly_a_rest_is_named_with_its_face_and_the_louder_sensor() 
         assert!(html.contains("<td>+Y</td><td>gyroscope</td>"), "{name}");
     }
 }
+
+#[test]
+fn asked_for_by_name_or_not_the_turns_make_six_faces_triangular() {
+    let folder = Folder::new();
+    folder.write("six.mcap", &std::fs::read("testdata/six-faces.mcap").unwrap());
+    let learned = |model: &str| {
+        let out = format!("{model}.mcap");
+        folder.run(["annotate", "six.mcap", "-o", &out, "--json", "--set", &format!("fit.model={model}")]).ok().json()
+    };
+    let (asked, auto) = (learned("triangular"), learned("auto"));
+    assert_eq!(asked["imus"][0]["accelerometer"]["model"], "triangular");
+    assert_eq!(asked["imus"][0]["accelerometer"]["status"], "CONFIRMED");
+    for name in ["bias", "sensitivity", "bias_std", "sensitivity_std"] {
+        assert_eq!(asked["imus"][0]["accelerometer"][name], auto["imus"][0]["accelerometer"][name], "{name}");
+    }
+}
+
+#[test]
+fn what_gravity_does_to_a_gyroscope_is_printed_with_its_interval_and_in_the_formula() {
+    let folder = Folder::new();
+    let sensitivity = "gyroscope.g_sensitivity=[[0.0005, 0, 0], [0, -0.0004, 0], [0, 0.0003, 0]]";
+    folder.run(["simulate", "six-faces", "-o", "six.mcap", "--set", sensitivity]).ok();
+    let run = folder.say("annotate six.mcap").ok();
+    for said in ["S · true + G · true acceleration", "G, row x", "G, row z", "G is the g-sensitivity, rad/s per m/s²"]
+    {
+        assert!(run.stderr.contains(said), "{said}: {}", run.stderr);
+    }
+    let row = run.stderr.lines().find(|line| line.contains("G, row x")).unwrap();
+    assert_eq!(row.matches('±').count(), 3, "{row}");
+    let exported = folder.say("export six.annotated.mcap --format json").ok().json();
+    let direction = exported["imus"][0]["direction"].as_str().unwrap().to_owned();
+    assert!(direction.contains("of the gyroscope + g_sensitivity * true acceleration"), "{direction}");
+    // The demo has none.
+    let folder = Folder::with_demo();
+    let run = folder.say("annotate demo.mcap").ok();
+    assert!(!run.stderr.contains("G, row") && !run.stderr.contains("acceleration,"), "{}", run.stderr);
+}
+
+#[test]
+fn a_turn_by_hand_is_at_no_end_of_the_range() {
+    let folder = Folder::with_demo();
+    let run = folder.say("tail demo.mcap -o t.mcap").ok();
+    assert!(!run.stderr.contains("end of the range"), "{}", run.stderr);
+}

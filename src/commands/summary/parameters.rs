@@ -1,10 +1,12 @@
 //! Calibration in a summary: its parameters with their intervals, notes on them, and their drift since an earlier one.
 
+use std::collections::BTreeSet;
+
 use console::style;
 use stillpoint::messages::Triad;
 use stillpoint::messages::triad::Status;
 use stillpoint::printable;
-use stillpoint::report::{Change, Earlier, Findings, Weight, drift, estimate, model, weight};
+use stillpoint::report::{Change, CrossTerm, Earlier, Findings, Weight, cross_terms, drift, estimate, model, weight};
 
 use crate::commands::table::Table;
 use crate::commands::text::Look;
@@ -17,9 +19,15 @@ pub fn calibration(findings: &Findings, look: Look) -> Vec<String> {
     if findings.calibration.is_none() {
         return Vec::new();
     }
-    let text = "measured = bias + S · true, scale is the diagonal of S; ± is half of a 95 % interval";
+    let others: BTreeSet<_> = findings.triads().flat_map(cross_terms).map(|term| term.name).collect();
+    let cross = match others.iter().copied().collect::<Vec<_>>().as_slice() {
+        [] => "",
+        ["g-sensitivity"] => " + G · true acceleration",
+        _ => " + G · the other sensor's true reading",
+    };
+    let text = format!("measured = bias + S · true{cross}, scale is the diagonal of S; ± is half of a 95 % interval");
     let mut lines = look
-        .sentence("  ", text)
+        .sentence("  ", &text)
         .into_iter()
         .map(|line| style(line).for_stderr().dim().to_string())
         .collect::<Vec<_>>();
@@ -32,6 +40,7 @@ pub fn calibration(findings: &Findings, look: Look) -> Vec<String> {
             table.row(row(&format!("  bias {unit}"), [bias.x, bias.y, bias.z], [std.x, std.y, std.z]));
         }
         sensitivity(triad, &mut table);
+        cross_rows(triad, &mut table);
         let is_primary = triad.sensor == "accelerometer";
         let mut says = |label: &str, text: &str| {
             inside.sentence(&format!("  {label:<14}"), text).into_iter().for_each(|line| table.heading(line));
@@ -67,6 +76,17 @@ fn sensitivity(triad: &Triad, table: &mut Table) {
             }
         }
         _ => {}
+    }
+}
+
+/// Rows of the sensitivity to the other sensor's quantity.
+fn cross_rows(triad: &Triad, table: &mut Table) {
+    for CrossTerm { name, unit, rows } in cross_terms(triad) {
+        for ([values, std], axis) in rows.iter().zip(["x", "y", "z"]) {
+            let label = if rows.len() == 3 { format!("  G, row {axis}") } else { format!("  {name}") };
+            table.row(row(&label, *values, *std));
+        }
+        table.heading(format!("  G is the {name}, {unit}"));
     }
 }
 

@@ -29,12 +29,21 @@ pub fn count(findings: &Findings) -> String {
 
 /// The faces of the fixture; nothing where there are none to see.
 pub fn faces(findings: &Findings, look: Look) -> Vec<String> {
-    let faces = |coverage: &Coverage| look.wrap("  faces    ", "   ", coverage.faces.iter().map(face));
+    let between = match findings.between_faces() {
+        0 => None,
+        times => Some(format!("between faces {times}×")),
+    };
+    let faces = |coverage: &Coverage| {
+        let faces = coverage.faces.iter().map(|of| face(of, coverage.complete));
+        look.wrap("  faces    ", "   ", faces.chain(between))
+    };
     findings.coverage.as_ref().map(faces).unwrap_or_default()
 }
 
-fn face(face: &Face) -> String {
+/// A face with its placements; one without any is missing, unless the calibration is complete.
+fn face(face: &Face, complete: bool) -> String {
     match face.placements {
+        0 if complete => format!("{} not seen", printable(&face.name)),
         0 => style(format!("{} missing", printable(&face.name))).for_stderr().yellow().to_string(),
         times => format!("{} {times}× {:.1} s", printable(&face.name), face.seconds),
     }

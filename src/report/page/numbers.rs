@@ -6,7 +6,7 @@ use super::elements::{self, axes, notes, sentence, table};
 use super::imu::Imu;
 use crate::messages::triad::Status;
 use crate::messages::{Triad, Vector3};
-use crate::report::{Change, Drift, Earlier, Findings, drift, estimate, matrix, model};
+use crate::report::{Change, CrossTerm, Drift, Earlier, Findings, cross_terms, drift, estimate, matrix, model};
 
 pub(super) fn section(imu: &Imu<'_>, earlier: Option<&Earlier<'_>>) -> Markup {
     let Some(found) = &imu.findings.calibration else {
@@ -85,23 +85,10 @@ fn rows(triad: &Triad) -> Vec<Markup> {
         let unit = format!("{} per °C{}", unit(&triad.sensor), ["", "²", "³"].get(degree).unwrap_or(&""));
         rows.push(row(["by °C", "by °C²", "by °C³"].get(degree).unwrap_or(&""), &value, &Some(std), &unit));
     }
-    for (name, values, unit) in [
-        ("g-sensitivity", &triad.g_sensitivity, "rad/s per m/s²"),
-        ("to rotation", &triad.rate_sensitivity, "m/s² per rad/s"),
-        ("g²-sensitivity", &triad.g2_sensitivity, "rad/s per (m/s²)²"),
-    ] {
-        for (i, values) in values.chunks_exact(3).enumerate() {
-            let axis = if triad.g2_sensitivity.as_slice() == values {
-                ""
-            } else {
-                [", row x", ", row y", ", row z"].get(i).unwrap_or(&"")
-            };
-            rows.push(html! {
-                tr {
-                    th { (name) (axis) " " small { (unit) } }
-                    @for value in values { td.n { (format!("{value:.3e}")) } }
-                }
-            });
+    for CrossTerm { name, unit, rows: of_term } in cross_terms(triad) {
+        let is_matrix = of_term.len() == 3;
+        for ([values, std], axis) in of_term.iter().zip([", row x", ", row y", ", row z"]) {
+            rows.push(row(&format!("{name}{}", if is_matrix { axis } else { "" }), values, &Some(*std), unit));
         }
     }
     rows
@@ -127,6 +114,7 @@ fn row(name: &str, values: &[f64; 3], std: &Option<[f64; 3]>, unit: &str) -> Mar
             let (value, half) = text.split_once(" ± ").unwrap_or((&text, ""));
             html! { td.n { (value) " " small { "± " (half) } } }
         }
+        None if *value != 0.0 && value.abs() < 1e-3 => html! { td.n { (format!("{value:.3e}")) } },
         None => html! { td.n { (format!("{}", (value * 1e5).round() / 1e5 + 0.0)) } },
     };
     html! { tr { th { (name) " " small { (unit) } } @for value in values.iter().enumerate() { (cell(value)) } } }

@@ -9,7 +9,7 @@ use super::elements;
 use super::imu::Imu;
 use crate::messages::Triad;
 use crate::printable_json;
-use crate::report::{calibration, matrix, model, row_major, yaml};
+use crate::report::{calibration, direction, matrix, model, row_major, yaml};
 
 /// Numbers and, of one recording, commands; `None` if no triad is determined.
 pub(super) fn section(imu: &Imu<'_>, recording: Option<&str>) -> Option<Markup> {
@@ -20,7 +20,7 @@ pub(super) fn section(imu: &Imu<'_>, recording: Option<&str>) -> Option<Markup> 
     let fields = triads.iter().map(|(triad, numbers)| (triad.sensor.clone(), numbers.clone()));
     let head = [
         ("topic".to_owned(), json!(imu.findings.topic)),
-        ("direction".to_owned(), json!("measured = bias + sensitivity * true")),
+        ("direction".to_owned(), json!(direction(imu.findings.calibration.as_ref()))),
     ];
     let value = Value::Object(head.into_iter().chain(fields).collect());
     let commands = recording.map(quoted).map(|name| {

@@ -126,7 +126,10 @@ pub(super) fn of_turns(imu: &Imu<'_>) -> Option<Markup> {
         let start = Stamp::from_nanos(nanos(&turn.start)).seconds_since(imu.origin);
         html! {
             tr {
-                td.n { (at + 1) } td.n { (moment(start)) } td.n { (degrees(turn.angle, 0)) }
+                td.n { (at + 1) } td.n { (moment(start)) } td.n {
+                    // Of a turn that could not be followed nothing is known.
+                    @if turn.axis.is_some() || turn.angle > 0.0 { (degrees(turn.angle, 0)) } @else { "unknown" }
+                }
                 td.n { @if let Some(residual) = turn.residual { (degrees(residual, 2)) } }
                 td { (verdict(turn)) @if !turn.used && !turn.explanation.is_empty() { ": " (turn.explanation) } }
             }

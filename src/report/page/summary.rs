@@ -42,7 +42,10 @@ fn tiles(imu: &Imu<'_>) -> Markup {
         (tile("Rests", html! { (accepted) " " small { "of " (found) " accepted" } }))
         @if let Some(coverage) = &imu.findings.coverage {
             @let seen = coverage.faces.iter().filter(|face| face.placements > 0).count();
-            (tile("Faces", html! { (seen) " " small { "of " (coverage.faces.len()) " seen" } }))
+            @let between = imu.findings.between_faces();
+            (tile("Faces", html! { (seen) " " small {
+                "of " (coverage.faces.len()) " seen" @if between > 0 { ", " (between) " placements between" }
+            } }))
         }
         @if let Some([before, after]) = imu.findings.residuals() {
             @let change = format!("{before:.3} → {after:.4} ");
