@@ -2,11 +2,13 @@
 //!
 //! Each layer documents its own keys. The [shell](crate::run) reads files.
 
+mod changes;
 mod check;
 mod error;
 mod layer;
 mod limits;
 
+pub use changes::Change;
 pub use error::Error;
 pub use layer::{Layer, overlay};
 pub use limits::Limits;

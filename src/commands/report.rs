@@ -13,7 +13,7 @@ use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{import, summary};
+use super::{import, summary, unapplied};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -25,6 +25,8 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let progress = Progress::new(&recording, stop);
         run::report_data(&recording, &config, &|done| progress.watch(done))?
     };
+    let annotated = data.is_annotated.then_some((args.input.as_path(), data.settings.as_str()));
+    unapplied::say(&args.configuration, annotated, |change| change.key.starts_with("output."))?;
     if json {
         print_json(&machine(&data.imus, earlier))?;
     }
