@@ -58,7 +58,7 @@ pub enum Error {
     #[error("{}: exists and is not the result of this input and configuration; choose another name or replace it with --force", .0.display())]
     Exists(PathBuf),
     /// The output is one of the files that are read.
-    #[error("{}: is itself read by this command; choose another name (annotate --in-place writes into a recording)", .0.display())]
+    #[error("{}: is itself read by this command; choose another name", .0.display())]
     Itself(PathBuf),
     /// Another process is at work on the file.
     #[error("{}: another stillpoint is at work on this file; wait for it or choose another name", .0.display())]

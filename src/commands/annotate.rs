@@ -32,7 +32,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     let shard = Shard::choose(args.shard.as_deref(), is_listed)?;
     let inputs = inputs(args);
     let works = works(args, &inputs)?;
-    refuse_itself(args, &inputs, &works)?;
+    refuse_itself(args, &inputs, &works).map_err(with_in_place)?;
     let mut manifest = Manifest::open(args.manifest.as_deref(), &read(args, &inputs))?;
     let (mut gravest, mut passing) = (Code::Done, false);
     for work in works.into_iter().enumerate().filter(|(i, _)| shard.holds(*i)).map(|(_, work)| work) {
@@ -44,6 +44,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 info!("{} is already the result of this: nothing to do", work.output().display());
                 let (damages, calibrated) = finished.outcome.unwrap_or((0, true));
                 let code = code_of(damages, calibrated, args.require_calibration, args.accept_damage);
+                say_unmet(code, work.input(), &[]);
                 manifest.skipped(work.input(), work.output(), code)?;
                 code
             }
@@ -56,6 +57,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 }
                 work.say(&report, written, earlier.as_deref());
                 let code = code(&report, &config, args.require_calibration, args.accept_damage);
+                say_unmet(code, work.input(), &uncalibrated(&report, &config));
                 manifest.done(work.input(), work.output(), &report, written, code)?;
                 code
             }
@@ -154,6 +156,18 @@ fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -
     works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
 }
 
+/// The refusal of an output that is read, with the way to write into a recording.
+fn with_in_place(error: Error) -> Error {
+    match error {
+        Error::Itself(path) => {
+            let why =
+                "is itself read by this command; choose another name (annotate --in-place writes into a recording)";
+            Error::input(&path, why)
+        }
+        error => error,
+    }
+}
+
 /// Files that are read.
 fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
     reads(inputs, &[&args.configuration.config, &args.against.against, &args.inputs_from])
@@ -171,6 +185,10 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
         };
     }
     if let Some(output) = &args.output {
+        let mut seen = BTreeMap::new();
+        if let Some(other) = inputs.iter().find_map(|input| Some((seen.insert(whole(input), input)?, input))) {
+            return Err(named_twice(other.0, other.1));
+        }
         return match inputs {
             [_] => Ok(vec![output.clone()]),
             _ if args.join && args.sidecar => Ok(vec![output.clone()]),
@@ -184,17 +202,33 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
             _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
         };
     }
-    let mut taken = BTreeMap::new();
+    let mut taken = BTreeMap::<_, &PathBuf>::new();
     let mut outputs = Vec::new();
     for input in inputs {
         let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), is_sidecar(args, input));
-        if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
+        let other = taken.insert(output.clone(), input);
+        if let Some(other) = other.filter(|other| whole(other) == whole(input)) {
+            return Err(named_twice(other, input));
+        }
+        if let Some(other) = other.filter(|_| !(args.join && args.sidecar)) {
             let (other, input, output) = (other.display(), input.display(), output.display());
             return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
         }
         outputs.push(output);
     }
     Ok(outputs)
+}
+
+/// Path of an input, however it is spelled.
+fn whole(input: &Path) -> PathBuf {
+    let file = (!run::is_url(input)).then(|| input.canonicalize().ok()).flatten();
+    file.unwrap_or_else(|| input.to_owned())
+}
+
+/// Refusal of two inputs that are the same one.
+fn named_twice(one: &Path, other: &Path) -> Error {
+    let spelled = if one == other { String::new() } else { format!(" (and as {})", other.display()) };
+    Error::Usage(format!("{}: is named twice{spelled}; name each recording once", one.display()))
 }
 
 /// Whether the annotations of an input are written alone: in a store unless an output is named, since it would have to
@@ -241,7 +275,7 @@ impl Work<'_> {
         let options = Options { form, force, allow_no_imu, verify, sync };
         let done = run::annotate(&input, &outputs, config, options, &|done| progress.watch(done));
         done.map(|(report, written)| Done::Now(report, written)).map_err(|error| match error {
-            Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
+            Error::Exists(path) if input.reads().contains(&path) => with_in_place(Error::Itself(path)),
             error => error,
         })
     }
@@ -281,6 +315,22 @@ fn code_of(damages: u64, calibrated: bool, require_calibration: bool, accept_dam
         Code::Damaged
     } else {
         Code::Done
+    }
+}
+
+/// IMUs without an accelerometer calibration, and topics of configured ones that are missing.
+pub fn uncalibrated(report: &Report, config: &Config) -> Vec<String> {
+    let is_there = |topic: &str| report.channels.iter().any(|(channel, _)| channel.topic == topic);
+    let missing = config.imu.iter().map(|imu| imu.topic.as_str()).filter(|topic| !is_there(topic));
+    let undetermined = report.imus.iter().filter(|imu| !imu.is_calibrated()).map(|imu| imu.name.as_str());
+    undetermined.chain(missing).map(str::to_owned).collect()
+}
+
+/// Says that a required calibration is missing, if that is the outcome: last of all, since the exit code says no more.
+pub fn say_unmet(code: Code, what: &Path, uncalibrated: &[String]) {
+    if code == Code::Uncalibrated {
+        let of = if uncalibrated.is_empty() { String::new() } else { format!(" for {}", uncalibrated.join(", ")) };
+        warn!("{}: no accelerometer calibration{of}, and --require-calibration asks for one", what.display());
     }
 }
 

@@ -16,7 +16,7 @@ use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{export, listing, summary, unapplied};
+use super::{annotate, export, listing, summary, unapplied};
 use crate::cli;
 
 pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -62,13 +62,14 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
         applies(change, &config)
     })?;
     let merged = merge::outcome(&all, &config);
-    if args.require_calibration && !merged.iter().all(|merged| merged.findings.is_calibrated()) {
+    let uncalibrated = merged.iter().filter(|merged| !merged.findings.is_calibrated()).map(|merged| merged.key.clone());
+    let uncalibrated: Vec<_> = uncalibrated.collect();
+    if args.require_calibration && !uncalibrated.is_empty() {
         code = code.max(Code::Uncalibrated);
     }
     let read = reads(&inputs, &[&args.configuration.config, &args.convention.in_force, &args.inputs_from]);
     if let Some(output) = &args.report {
         write(&page(&merged, inputs.len(), &config), Some(output), args.force, &read)?;
-        tracing::info!("wrote {}", output.display());
     }
     match args.format {
         Some(format) if format.name == "json" && args.convention.imu.is_none() => {
@@ -93,6 +94,7 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
             }
         }
     }
+    annotate::say_unmet(code, "the merged calibration".as_ref(), &uncalibrated);
     Ok(code)
 }
 

@@ -8,7 +8,7 @@ use stillpoint::{Error, printable};
 
 use super::code::{Code, damaged};
 use super::configuration::configuration;
-use super::files::{is_pipe, reads, write};
+use super::files::{reads, write};
 use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
@@ -36,9 +36,6 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let page = Page { recording: &name, timelines: imus, notes, settings, earlier };
         let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
         write(&page.html(), Some(output), args.force, &reads)?;
-        if !is_pipe(output) {
-            tracing::info!("wrote {}", output.display());
-        }
     } else if !json {
         let look = Look::of(&console::Term::stdout());
         let recorded = data.imus.iter().map(|timeline| &timeline.findings);

@@ -19,7 +19,7 @@ fn inputs_that_are_no_recording_are_refused() {
         folder.refuses(&format!("{verb} empty.mcap"), 1, &["empty.mcap: ", "empty"]);
         folder.refuses(&format!("{verb} missing.mcap"), 1, &["missing.mcap: ", "no such file"]);
         folder.refuses(&format!("{verb} folder"), 1, &["folder: is a folder"]);
-        folder.refuses(&format!("{verb} bag"), 1, &["bag: ", "rosbag2", "name the .mcap files"]);
+        folder.refuses(&format!("{verb} bag"), 1, &["bag: ", "rosbag2", "name a .mcap file"]);
     }
     folder.refuses("annotate text.mcap", 1, &["not an MCAP"]);
     folder.refuses("annotate /dev/null", 1, &["not a regular file"]);
