@@ -184,11 +184,15 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
             }
         };
     }
-    if let Some(output) = &args.output {
-        let mut seen = BTreeMap::new();
-        if let Some(other) = inputs.iter().find_map(|input| Some((seen.insert(whole(input), input)?, input))) {
-            return Err(named_twice(other.0, other.1));
+    let mut seen = BTreeMap::new();
+    for input in inputs {
+        if let Some(other) = seen.insert(whole(input, args.join), input) {
+            let spelled = if other == input { String::new() } else { format!(" (and as {})", input.display()) };
+            let why = format!("{}: is named twice{spelled}; name each recording once", other.display());
+            return Err(Error::Usage(why));
         }
+    }
+    if let Some(output) = &args.output {
         return match inputs {
             [_] => Ok(vec![output.clone()]),
             _ if args.join && args.sidecar => Ok(vec![output.clone()]),
@@ -202,15 +206,11 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
             _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
         };
     }
-    let mut taken = BTreeMap::<_, &PathBuf>::new();
+    let mut taken = BTreeMap::new();
     let mut outputs = Vec::new();
     for input in inputs {
         let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), is_sidecar(args, input));
-        let other = taken.insert(output.clone(), input);
-        if let Some(other) = other.filter(|other| whole(other) == whole(input)) {
-            return Err(named_twice(other, input));
-        }
-        if let Some(other) = other.filter(|_| !(args.join && args.sidecar)) {
+        if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
             let (other, input, output) = (other.display(), input.display(), output.display());
             return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
         }
@@ -219,16 +219,15 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
     Ok(outputs)
 }
 
-/// Path of an input, however it is spelled.
-fn whole(input: &Path) -> PathBuf {
-    let file = (!run::is_url(input)).then(|| input.canonicalize().ok()).flatten();
-    file.unwrap_or_else(|| input.to_owned())
-}
-
-/// Refusal of two inputs that are the same one.
-fn named_twice(one: &Path, other: &Path) -> Error {
-    let spelled = if one == other { String::new() } else { format!(" (and as {})", other.display()) };
-    Error::Usage(format!("{}: is named twice{spelled}; name each recording once", one.display()))
+/// Path of an input, however it is spelled. A link is an input of its own, unless it would be joined with what it leads to.
+fn whole(input: &Path, joined: bool) -> PathBuf {
+    let folder = input.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let whole = match input.file_name().filter(|_| !joined) {
+        _ if run::is_url(input) => None,
+        Some(name) => folder.canonicalize().ok().map(|folder| folder.join(name)),
+        None => input.canonicalize().ok(),
+    };
+    whole.unwrap_or_else(|| input.to_owned())
 }
 
 /// Whether the annotations of an input are written alone: in a store unless an output is named, since it would have to
@@ -372,6 +371,8 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
             Written::Before => info!("{} is already the result of this: nothing to do", output.display()),
         }
     }
+    // Last, since another IMU was calibrated in its place.
+    report.missing.iter().for_each(|missing| warn!("{missing}"));
 }
 
 /// Topics that could not be read, by reason.

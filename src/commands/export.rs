@@ -34,6 +34,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     if found.damages > 1 {
         tracing::warn!("{} damages in all", found.damages);
     }
+    found.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
     Ok(damaged(found.damages, args.accept_damage))
 }
 

@@ -56,7 +56,7 @@ impl Annotated {
     /// list of str : What is missing or was refused.
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.report.notes.iter().map(|note| printable(note).into_owned()).collect()
+        self.report.notes.iter().chain(&self.report.missing).map(|note| printable(note).into_owned()).collect()
     }
 
     fn __repr__(&self) -> String {
@@ -149,7 +149,8 @@ pub fn annotate(
             error => error,
         })
     })?;
-    for note in report.notes.iter().cloned().chain(report.damage.iter().map(|damage| format!("damaged {damage}"))) {
+    let damage = report.damage.iter().map(|damage| format!("damaged {damage}"));
+    for note in report.notes.iter().cloned().chain(damage).chain(report.missing.iter().cloned()) {
         log(py, Level::Warning, &printable(&note))?;
     }
     let [output] = outputs;

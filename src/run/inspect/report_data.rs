@@ -88,7 +88,8 @@ fn report_data_in_order(
         if !learner.has_imu() {
             return Err(no_imu(input.path(), learner.sources(), &learner.obstacles()));
         }
-        timelines.notes.extend(learner.finish(&mut |_| {}).notes);
+        let learned = learner.finish(&mut |_| {});
+        timelines.notes.extend(learned.notes.into_iter().chain(learned.missing));
     }
     let why_none = timelines.why_no_imu();
     let (imus, notes, damages) = timelines.finish();
