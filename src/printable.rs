@@ -39,7 +39,7 @@ pub fn printable_json(document: &str) -> Cow<'_, str> {
 }
 
 /// The text as one word of a shell's command line: in quotes, unless it needs none.
-pub(crate) fn shell_word(text: &str) -> Cow<'_, str> {
+pub fn shell_word(text: &str) -> Cow<'_, str> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
     match !text.is_empty() && text.chars().all(is_plain) {
         true => Cow::Borrowed(text),

@@ -4,14 +4,13 @@ use std::io::Read as _;
 use std::path::Path;
 
 use serde_json::json;
-use stillpoint::Error;
 use stillpoint::record::{START, is_beginning};
 use stillpoint::report::{self, Axes, Findings, ImportError};
+use stillpoint::{Error, shell_word};
 
 use super::code::Code;
 use super::files::{reads, text_of, write};
 use crate::cli;
-use crate::printable::shell_word;
 
 pub fn run(args: &cli::Import) -> Result<Code, Error> {
     let mut imus = read(&args.calibration, args.pointing.axes)?;

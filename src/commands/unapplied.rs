@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use stillpoint::Error;
 use stillpoint::config::{Change, Config, Layer};
 use stillpoint::run::{self, Made};
+use stillpoint::{Error, shell_word};
 
 use super::configuration::layer;
 use crate::cli::Configuration;
-use crate::printable::shell_word;
 
 /// Most keys that are named.
 const NAMED: usize = 4;

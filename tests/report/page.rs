@@ -118,6 +118,9 @@ fn commands_that_cannot_work_are_not_offered() {
         commands("annotated.mcap", "the recording with corrected messages"),
         "stillpoint annotate annotated.mcap -o corrected.mcap --set output.corrected=final\n"
     );
+    // Nor does a note of the accelerometer say how well gravity is known.
+    let html = String::from_utf8(folder.read("annotated.mcap.html")).unwrap();
+    assert!(html.contains("gravity 9.80665 ± 0.0400 m/s² (standard)"), "{html}");
     // A sidecar holds no messages to correct.
     assert_eq!(
         commands("sidecar.mcap", "a file for Kalibr"),

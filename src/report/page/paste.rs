@@ -10,11 +10,11 @@ use super::elements;
 use super::imu::Imu;
 use crate::config::{Config, Layer};
 use crate::messages::Triad;
-use crate::printable::shell_word;
 use crate::printable_json;
 use crate::report::{
     ExportError, Findings, Format, Options, Timeline, calibration, export, matrix, model, row_major, yaml,
 };
+use crate::shell_word;
 
 /// A recording that commands can name, and the settings that its annotations follow, as TOML.
 #[derive(Clone, Copy)]

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use super::regular;
 use crate::Error;
-use crate::printable::shell_word;
 use crate::record::{START, Topic, is_beginning};
+use crate::shell_word;
 pub(crate) use metadata::Contents;
 use metadata::Metadata;
 
