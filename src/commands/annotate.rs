@@ -32,7 +32,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     let shard = Shard::choose(args.shard.as_deref(), is_listed)?;
     let inputs = inputs(args);
     let works = works(args, &inputs)?;
-    refuse_itself(args, &inputs, &works).map_err(with_in_place)?;
+    refuse_itself(args, &inputs, &works).map_err(Error::of_annotating)?;
     let mut manifest = Manifest::open(args.manifest.as_deref(), &read(args, &inputs))?;
     let (mut gravest, mut passing) = (Code::Done, false);
     for work in works.into_iter().enumerate().filter(|(i, _)| shard.holds(*i)).map(|(_, work)| work) {
@@ -156,18 +156,6 @@ fn refuse_itself(args: &cli::Annotate, inputs: &[PathBuf], works: &[Work<'_>]) -
     works.iter().flat_map(|work| &work.outputs).try_for_each(|output| reads.refuse(output))
 }
 
-/// The refusal of an output that is read, with the way to write into a recording.
-fn with_in_place(error: Error) -> Error {
-    match error {
-        Error::Itself(path) => {
-            let why =
-                "is itself read by this command; choose another name (annotate --in-place writes into a recording)";
-            Error::input(&path, why)
-        }
-        error => error,
-    }
-}
-
 /// Files that are read.
 fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
     reads(inputs, &[&args.configuration.config, &args.against.against, &args.inputs_from])
@@ -274,8 +262,8 @@ impl Work<'_> {
         let options = Options { form, force, allow_no_imu, verify, sync };
         let done = run::annotate(&input, &outputs, config, options, &|done| progress.watch(done));
         done.map(|(report, written)| Done::Now(report, written)).map_err(|error| match error {
-            Error::Exists(path) if input.reads().contains(&path) => with_in_place(Error::Itself(path)),
-            error => error,
+            Error::Exists(path) if input.reads().contains(&path) => Error::ItselfAnnotated(path),
+            error => error.of_annotating(),
         })
     }
 

@@ -141,12 +141,13 @@ pub fn annotate(
         let input = Input::open_original(&path, access)?;
         let reads = [input.reads(), Reads::of(&config)];
         if force || sidecar {
-            outputs.iter().try_for_each(|output| reads.iter().try_for_each(|reads| reads.refuse(output)))?;
+            let refused = outputs.iter().try_for_each(|output| reads.iter().try_for_each(|reads| reads.refuse(output)));
+            refused.map_err(Error::of_annotating)?;
         }
         let options = Options { form, force, allow_no_imu, verify, sync };
         run::annotate(&input, &outputs, &settings, options, watch).map_err(|error| match error {
-            Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
-            error => error,
+            Error::Exists(path) if input.reads().contains(&path) => Error::ItselfAnnotated(path),
+            error => error.of_annotating(),
         })
     })?;
     let damage = report.damage.iter().map(|damage| format!("damaged {damage}"));

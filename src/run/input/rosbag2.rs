@@ -113,7 +113,8 @@ fn files_instead(folder: &Path) -> String {
     let folder = folder.display().to_string();
     let files = format!("{}/*.mcap", shell_word(folder.strip_suffix('/').unwrap_or(&folder)));
     format!(
-        "name a .mcap file in it; those that are one recording are annotated as one: stillpoint annotate --join {files} --out-dir DIR"
+        "name a .mcap file in it; those that are one recording are annotated as one: stillpoint annotate --join {files} \
+         --out-dir DIR"
     )
 }
 
