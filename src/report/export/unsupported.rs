@@ -3,8 +3,8 @@
 use crate::messages::Triad;
 
 /// Advice for a model that the format cannot hold.
-pub(super) const LEANER: &str = "calibrate the recording anew (stillpoint annotate RECORDING --set fit.model=bias-scale), or use --format json, kalibr \
-    or imu-calib";
+pub(super) const LEANER: &str = "calibrate the recording anew (stillpoint annotate RECORDING --set fit.model=bias-scale), or \
+    use --format json, kalibr or imu-calib";
 
 /// Name of the change of a bias with temperature.
 pub(super) const BY_TEMPERATURE: &str = "change of bias with temperature";
