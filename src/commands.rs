@@ -26,6 +26,7 @@ mod table;
 mod tail;
 mod text;
 mod topics;
+mod unapplied;
 mod view;
 mod watch;
 

@@ -2,13 +2,15 @@
 //!
 //! Each layer documents its own keys. The [shell](crate::run) reads files.
 
+mod changes;
 mod check;
 mod error;
 mod layer;
 mod limits;
 
+pub use changes::Change;
 pub use error::Error;
-pub use layer::{Layer, overlay};
+pub use layer::{Layer, overlay, plainly};
 pub use limits::Limits;
 
 use serde::{Deserialize, Serialize};
@@ -51,7 +53,7 @@ impl Config {
             let at = layers.iter().rev().find_map(|layer| layer.locate_key(key));
             Error::Value { at: at.unwrap_or_else(|| "configuration".into()), key: key.to_owned(), why }
         };
-        let config = Self::deserialize(merged).map_err(|e| value_error(&layer::key_of(&e), e.message().to_owned()))?;
+        let config = Self::deserialize(merged).map_err(|e| value_error(&layer::key_of(&e), plainly(e.message())))?;
         config.check().map_err(|fault| value_error(&fault.key, fault.why))?;
         Ok(config)
     }
@@ -177,6 +179,10 @@ mod tests {
             "a.toml:3: `still.window_s`: invalid type: string \"a\", expected a number"
         );
         assert_eq!(error(&[file("[[imu]]\nname = 'x'")]), "a.toml:1: `imu`: missing field `topic`");
+        assert_eq!(
+            error(&[Layer::set("still=x").unwrap()]),
+            "--set still=x: `still`: invalid type: string \"x\", expected a table, {key = value, …}"
+        );
         assert_eq!(error(&[file("[fit.bounds]\naccel_bias = [1, 2, 3]")]).split(": ").next(), Some("a.toml:2"));
     }
 

@@ -58,8 +58,11 @@ pub enum Error {
     #[error("{}: exists and is not the result of this input and configuration; choose another name or replace it with --force", .0.display())]
     Exists(PathBuf),
     /// The output is one of the files that are read.
-    #[error("{}: is itself read by this command; choose another name (annotate --in-place writes into a recording)", .0.display())]
+    #[error("{}: is itself read by this command; choose another name", .0.display())]
     Itself(PathBuf),
+    /// The output of an annotation is one of the files that are read.
+    #[error("{}: is itself read by this command; choose another name (annotate --in-place writes into a recording)", .0.display())]
+    ItselfAnnotated(PathBuf),
     /// Another process is at work on the file.
     #[error("{}: another stillpoint is at work on this file; wait for it or choose another name", .0.display())]
     Busy(PathBuf),
@@ -78,6 +81,15 @@ impl Error {
     /// A refusal by the system, with the attempted operation and its path.
     pub fn io(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io { doing, path: path.to_owned(), source }
+    }
+
+    /// The same of an annotation, which may be written into the recording.
+    #[must_use]
+    pub fn of_annotating(self) -> Self {
+        match self {
+            Self::Itself(path) => Self::ItselfAnnotated(path),
+            error => error,
+        }
     }
 
     /// Whether the device or quota is full.

@@ -120,7 +120,7 @@ mod stamp;
 extern crate self as stillpoint;
 
 pub use error::Error;
-pub use printable::{printable, printable_json};
+pub use printable::{printable, printable_json, shell_word};
 pub use stamp::Stamp;
 
 /// Runs the examples of the README as tests.

@@ -1,4 +1,5 @@
-//! Escaping of outside text for printing: characters that would control a terminal, fake a line or reorder letters.
+//! Escaping of outside text for printing: characters that would control a terminal, fake a line or reorder letters, and
+//! what a shell would not take for one word.
 //!
 //! Every place that shows text to people uses it: terminal, logs, errors, metric labels, pages, viewers.
 
@@ -37,6 +38,15 @@ pub fn printable_json(document: &str) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
+/// The text as one word of a shell's command line: in quotes, unless it needs none.
+pub fn shell_word(text: &str) -> Cow<'_, str> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => Cow::Borrowed(text),
+        false => Cow::Owned(format!("'{}'", text.replace('\'', r"'\''"))),
+    }
+}
+
 /// Whether a character is a control character, has no width, or changes the direction of what follows (Unicode's
 /// general categories Cc, Cf, Zl and Zp, as far as terminals act on them).
 fn is_hidden(c: char) -> bool {
@@ -55,6 +65,14 @@ mod tests {
         assert_eq!(printable("/imu/größe 加速度 x\\y"), "/imu/größe 加速度 x\\y");
         assert_eq!(printable("/a\u{1b}]0;x\u{7}\r\nerror: no"), "/a\\u{1b}]0;x\\u{7}\\r\\nerror: no");
         assert_eq!(printable("\u{9b}2J\u{202e}\u{7f}"), "\\u{9b}2J\\u{202e}\\u{7f}");
+    }
+
+    #[test]
+    fn a_word_of_a_shell_is_quoted_where_it_must_be() {
+        assert_eq!(shell_word("a/b-1.mcap"), "a/b-1.mcap");
+        assert_eq!(shell_word("fit.gravity=9.81"), "fit.gravity=9.81");
+        assert_eq!(shell_word("it's; $x"), r"'it'\''s; $x'");
+        assert_eq!(shell_word(""), "''");
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     let shard = Shard::choose(args.shard.as_deref(), is_listed)?;
     let inputs = inputs(args);
     let works = works(args, &inputs)?;
-    refuse_itself(args, &inputs, &works)?;
+    refuse_itself(args, &inputs, &works).map_err(Error::of_annotating)?;
     let mut manifest = Manifest::open(args.manifest.as_deref(), &read(args, &inputs))?;
     let (mut gravest, mut passing) = (Code::Done, false);
     for work in works.into_iter().enumerate().filter(|(i, _)| shard.holds(*i)).map(|(_, work)| work) {
@@ -44,6 +44,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 info!("{} is already the result of this: nothing to do", work.output().display());
                 let (damages, calibrated) = finished.outcome.unwrap_or((0, true));
                 let code = code_of(damages, calibrated, args.require_calibration, args.accept_damage);
+                say_unmet(code, work.input(), &[]);
                 manifest.skipped(work.input(), work.output(), code)?;
                 code
             }
@@ -56,6 +57,7 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
                 }
                 work.say(&report, written, earlier.as_deref());
                 let code = code(&report, &config, args.require_calibration, args.accept_damage);
+                say_unmet(code, work.input(), &uncalibrated(&report, &config));
                 manifest.done(work.input(), work.output(), &report, written, code)?;
                 code
             }
@@ -170,6 +172,14 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
             }
         };
     }
+    let mut seen = BTreeMap::new();
+    for input in inputs {
+        if let Some(other) = seen.insert(whole(input, args.join), input) {
+            let spelled = if other == input { String::new() } else { format!(" (and as {})", input.display()) };
+            let why = format!("{}: is named twice{spelled}; name each recording once", other.display());
+            return Err(Error::Usage(why));
+        }
+    }
     if let Some(output) = &args.output {
         return match inputs {
             [_] => Ok(vec![output.clone()]),
@@ -195,6 +205,17 @@ fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Err
         outputs.push(output);
     }
     Ok(outputs)
+}
+
+/// Path of an input, however it is spelled. A link is an input of its own, unless it would be joined with what it leads to.
+fn whole(input: &Path, joined: bool) -> PathBuf {
+    let folder = input.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let whole = match input.file_name().filter(|_| !joined) {
+        _ if run::is_url(input) => None,
+        Some(name) => folder.canonicalize().ok().map(|folder| folder.join(name)),
+        None => input.canonicalize().ok(),
+    };
+    whole.unwrap_or_else(|| input.to_owned())
 }
 
 /// Whether the annotations of an input are written alone: in a store unless an output is named, since it would have to
@@ -241,8 +262,8 @@ impl Work<'_> {
         let options = Options { form, force, allow_no_imu, verify, sync };
         let done = run::annotate(&input, &outputs, config, options, &|done| progress.watch(done));
         done.map(|(report, written)| Done::Now(report, written)).map_err(|error| match error {
-            Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
-            error => error,
+            Error::Exists(path) if input.reads().contains(&path) => Error::ItselfAnnotated(path),
+            error => error.of_annotating(),
         })
     }
 
@@ -284,6 +305,22 @@ fn code_of(damages: u64, calibrated: bool, require_calibration: bool, accept_dam
     }
 }
 
+/// IMUs without an accelerometer calibration, and topics of configured ones that are missing.
+pub fn uncalibrated(report: &Report, config: &Config) -> Vec<String> {
+    let is_there = |topic: &str| report.channels.iter().any(|(channel, _)| channel.topic == topic);
+    let missing = config.imu.iter().map(|imu| imu.topic.as_str()).filter(|topic| !is_there(topic));
+    let undetermined = report.imus.iter().filter(|imu| !imu.is_calibrated()).map(|imu| imu.name.as_str());
+    undetermined.chain(missing).map(str::to_owned).collect()
+}
+
+/// Says that a required calibration is missing, if that is the outcome: last of all, since the exit code says no more.
+pub fn say_unmet(code: Code, what: &Path, uncalibrated: &[String]) {
+    if code == Code::Uncalibrated {
+        let of = if uncalibrated.is_empty() { String::new() } else { format!(" for {}", uncalibrated.join(", ")) };
+        warn!("{}: no accelerometer calibration{of}, and --require-calibration asks for one", what.display());
+    }
+}
+
 pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Findings]>) -> serde_json::Value {
     let damage = report
         .damage
@@ -322,6 +359,8 @@ pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Opti
             Written::Before => info!("{} is already the result of this: nothing to do", output.display()),
         }
     }
+    // Last, since another IMU was calibrated in its place.
+    report.missing.iter().for_each(|missing| warn!("{missing}"));
 }
 
 /// Topics that could not be read, by reason.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use stillpoint::Error;
+use stillpoint::config::Change;
 use stillpoint::report::{self, ExportError, Options, Parameters, Readings};
 use stillpoint::run::{self, Input, Stop};
 
@@ -10,6 +11,7 @@ use super::code::{Code, damaged};
 use super::configuration::configuration;
 use super::files::{reads, text_of, write};
 use super::progress::Progress;
+use super::unapplied;
 use crate::cli;
 
 pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
@@ -20,6 +22,10 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
         let progress = Progress::new(&recording, stop);
         run::findings(&recording, &config, &|done| progress.watch(done))?
     };
+    let annotated = found.annotated_with.as_deref().map(|stored| (args.input.as_path(), stored));
+    // The limits are those of reading.
+    let applies = |change: &Change| ["output.", "limits."].iter().any(|table| change.key.starts_with(table));
+    unapplied::say(&args.configuration, annotated, applies)?;
     let exported = report::export(&found.imus, args.format, &options).map_err(refused(&args.input))?;
     let reads = reads([&args.input], &[&args.configuration.config, &args.convention.in_force]);
     write(&exported.text, args.output.as_deref(), args.force, &reads)?;
@@ -28,6 +34,7 @@ pub fn run(args: &cli::Export, stop: &Stop) -> Result<Code, Error> {
     if found.damages > 1 {
         tracing::warn!("{} damages in all", found.damages);
     }
+    found.missing.iter().for_each(|missing| tracing::warn!("{missing}"));
     Ok(damaged(found.damages, args.accept_damage))
 }
 

@@ -16,18 +16,21 @@ pub fn is_pipe(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
-/// Writes a text to its destination: a new file, or standard output. An equal file is left as it is.
+/// Writes a text to its destination: a new file, which is said, or standard output. An equal file is left as it is.
 pub fn write(text: &str, output: Option<&Path>, force: bool, reads: &Reads) -> Result<(), Error> {
     // The formats written here that contain names have strings with JSON's escapes.
     let text = &*printable_json(text);
     let Some(path) = output.filter(|path| !is_pipe(path)) else { return print(text) };
     if run::is_url(path) {
         reads.refuse(path)?;
-        return run::put_text(path, text, force);
+        run::put_text(path, text, force)?;
+    } else {
+        let partial = partial(path, force, reads)?;
+        partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
+        finish(partial, force)?;
     }
-    let partial = partial(path, force, reads)?;
-    partial.file().write_all(text.as_bytes()).map_err(Error::io("write", path))?;
-    finish(partial, force)
+    tracing::info!("wrote {}", path.display());
+    Ok(())
 }
 
 /// Files that a command reads: its inputs, and those that its options name.

@@ -1,10 +1,12 @@
 //! `stillpoint import`: a calibration of another program, converted into our own format.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use serde_json::json;
-use stillpoint::Error;
+use stillpoint::record::{START, is_beginning};
 use stillpoint::report::{self, Axes, Findings, ImportError};
+use stillpoint::{Error, shell_word};
 
 use super::code::Code;
 use super::files::{reads, text_of, write};
@@ -26,10 +28,25 @@ pub fn run(args: &cli::Import) -> Result<Code, Error> {
 
 /// Reads a calibration in any format.
 pub fn read(path: &Path, axes: Option<Axes>) -> Result<Vec<Findings>, Error> {
+    if is_recording(path) {
+        let first = format!("stillpoint export {} --format json", shell_word(&path.to_string_lossy()));
+        return Err(Error::input(
+            path,
+            format!("is a recording, no calibration; write its calibration first: {first} -o FILE"),
+        ));
+    }
     report::import(&text_of(path)?, axes).map_err(|error| match error {
         ImportError::Axes(_) => Error::Usage(format!("{}: {error}", path.display())),
         error => Error::input(path, error.to_string()),
     })
+}
+
+/// Whether a path leads to a recording, as far as its name or its first bytes tell.
+fn is_recording(path: &Path) -> bool {
+    let mut start = [0; START];
+    // Only a file is opened: of a pipe, bytes would be lost.
+    let mut begins = || std::fs::File::open(path)?.read_exact(&mut start);
+    path.is_file() && begins().is_ok() && is_beginning(&start) || path.join("metadata.yaml").is_file()
 }
 
 /// Reads the calibration to compare with, if there is one.

@@ -14,7 +14,7 @@ pub fn inputs(
 ) -> Result<Vec<PathBuf>, Error> {
     let mut inputs = named.to_vec();
     if let Some(list) = list {
-        let text = text_of(list).map_err(|error| Error::Usage(error.to_string()))?;
+        let text = text_of(list)?;
         let lines = text.lines().map(|line| line.strip_suffix('\r').unwrap_or(line));
         inputs.extend(lines.filter(|line| !line.trim().is_empty()).map(PathBuf::from));
         if inputs.is_empty() {

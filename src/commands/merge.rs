@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use console::style;
-use stillpoint::config::Config;
+use stillpoint::config::{Change, Config};
 use stillpoint::merge::{self, History, Merge, Merged, Point};
 use stillpoint::report::{self, Findings, Page, Timeline};
 use stillpoint::run::{self, Gathered, Input, SensorKey, Stop};
@@ -16,7 +16,7 @@ use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{export, listing, summary};
+use super::{annotate, export, listing, summary, unapplied};
 use crate::cli;
 
 pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -28,13 +28,15 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
     }
     let inputs = listing::inputs(&args.inputs, args.inputs_from.as_deref(), run::results_under)?;
     let (mut all, mut code, mut passing) = (Merge::default(), Code::Done, 0);
+    let mut annotated = Vec::new();
     for path in &inputs {
         let gathered = Input::open(path).and_then(|recording| {
             let progress = Progress::new(&recording, stop);
             run::gather(&recording, &config, &by, &|done| progress.watch(done))
         });
         code = code.max(match gathered {
-            Ok(Gathered { evidence, damages }) => {
+            Ok(Gathered { evidence, annotated_with, damages }) => {
+                annotated.extend(annotated_with.map(|stored| (path.as_path(), stored)));
                 if damages > 0 {
                     tracing::warn!("{}: damaged in {damages} places; what is whole is used", path.display());
                 }
@@ -56,14 +58,18 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
     if all.sensors.is_empty() {
         return Ok(code);
     }
+    unapplied::say(&args.configuration, annotated.iter().map(|(path, stored)| (*path, stored.as_str())), |change| {
+        applies(change, &config)
+    })?;
     let merged = merge::outcome(&all, &config);
-    if args.require_calibration && !merged.iter().all(|merged| merged.findings.is_calibrated()) {
+    let uncalibrated = merged.iter().filter(|merged| !merged.findings.is_calibrated()).map(|merged| merged.key.clone());
+    let uncalibrated: Vec<_> = uncalibrated.collect();
+    if args.require_calibration && !uncalibrated.is_empty() {
         code = code.max(Code::Uncalibrated);
     }
     let read = reads(&inputs, &[&args.configuration.config, &args.convention.in_force, &args.inputs_from]);
     if let Some(output) = &args.report {
         write(&page(&merged, inputs.len(), &config), Some(output), args.force, &read)?;
-        tracing::info!("wrote {}", output.display());
     }
     match args.format {
         Some(format) if format.name == "json" && args.convention.imu.is_none() => {
@@ -88,7 +94,37 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
             }
         }
     }
+    annotate::say_unmet(code, "the merged calibration".as_ref(), &uncalibrated);
     Ok(code)
+}
+
+/// Whether a merge follows a setting though the rests and turns are read as they were found.
+fn applies(change: &Change, config: &Config) -> bool {
+    /// Settings that rests and turns are found by.
+    const FOUND_BY: [&str; 14] = [
+        "still.detector",
+        "still.window_s",
+        "still.enter",
+        "still.settle_s",
+        "still.leave",
+        "still.min_rest_s",
+        "still.max_duration_s",
+        "still.gap_s",
+        "still.late_s",
+        "still.accel_ceiling",
+        "still.gyro_ceiling",
+        "fit.rotations",
+        "fit.whole_turns",
+        "fit.fix_topic",
+    ];
+    match change.key.as_str() {
+        // A preset applies to the merge, paths and units to the reading.
+        "imu" => config.imu.iter().all(|imu| {
+            let secondaries = imu.secondary.iter().all(|secondary| secondary.accel.is_none());
+            imu.accel.is_none() && imu.gyro.is_none() && imu.temperature.is_none() && secondaries
+        }),
+        key => !FOUND_BY.contains(&key),
+    }
 }
 
 fn people(merged: &Merged, look: Look) -> String {

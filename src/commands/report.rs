@@ -8,12 +8,12 @@ use stillpoint::{Error, printable};
 
 use super::code::{Code, damaged};
 use super::configuration::configuration;
-use super::files::{is_pipe, reads, write};
+use super::files::{reads, write};
 use super::printing::{print, print_json};
 use super::progress::Progress;
 use super::table::Table;
 use super::text::Look;
-use super::{import, summary};
+use super::{import, summary, unapplied};
 use crate::cli;
 
 pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
@@ -25,6 +25,8 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let progress = Progress::new(&recording, stop);
         run::report_data(&recording, &config, &|done| progress.watch(done))?
     };
+    let annotated = data.is_annotated.then_some((args.input.as_path(), data.settings.as_str()));
+    unapplied::say(&args.configuration, annotated, |change| change.key.starts_with("output."))?;
     if json {
         print_json(&machine(&data.imus, earlier))?;
     }
@@ -34,9 +36,6 @@ pub fn run(args: &cli::Report, json: bool, stop: &Stop) -> Result<Code, Error> {
         let page = Page { recording: &name, timelines: imus, notes, settings, earlier };
         let reads = reads([&args.input], &[&args.configuration.config, &args.against.against]);
         write(&page.html(), Some(output), args.force, &reads)?;
-        if !is_pipe(output) {
-            tracing::info!("wrote {}", output.display());
-        }
     } else if !json {
         let look = Look::of(&console::Term::stdout());
         let recorded = data.imus.iter().map(|timeline| &timeline.findings);

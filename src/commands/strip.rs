@@ -14,7 +14,11 @@ pub fn run(args: &cli::Strip, json: bool, stop: &Stop) -> Result<Code, Error> {
     let recording = Input::open_annotated(&args.input)?;
     let written = {
         let progress = Progress::new(&recording, stop);
-        run::strip(&recording, &args.output, args.force, args.sync, &|done| progress.watch(done))?
+        let written = run::strip(&recording, &args.output, args.force, args.sync, &|done| progress.watch(done));
+        written.map_err(|error| match error {
+            Error::Exists(path) if recording.reads().contains(&path) => Error::Itself(path),
+            error => error,
+        })?
     };
     match (json, written) {
         (true, _) => {

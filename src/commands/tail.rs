@@ -5,7 +5,7 @@ use std::time::Duration;
 use stillpoint::Error;
 use stillpoint::run::{self, Ending, Following, Notice, Options, Stop, Written};
 
-use super::annotate::{code, result, say};
+use super::annotate::{code, result, say, say_unmet, uncalibrated};
 use super::code::Code;
 use super::configuration::configuration;
 use super::files::reads;
@@ -72,6 +72,9 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     }
     say(std::slice::from_ref(&tailed.output), &tailed.report, tailed.written, earlier.as_deref());
     let code = code(&tailed.report, &config, args.require_calibration, args.accept_damage);
+    if tailed.written == Written::Now {
+        say_unmet(code, &args.input, &uncalibrated(&tailed.report, &config));
+    }
     Ok(match (tailed.written, code) {
         (Written::Before, _) => Code::Done,
         // For example a folder without its last file.

@@ -127,7 +127,19 @@ fn explain(at: String, key: String, message: &str) -> Error {
         let valid: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
         return Error::Unknown { at, key, kind, name: name.to_owned(), advice: advice(name, &valid) };
     }
-    Error::Value { at, key, why: message.replace("expected f64", "expected a number").replace('\n', ", ") }
+    Error::Value { at, key, why: plainly(message) }
+}
+
+/// A message of serde in one line, with the words of TOML instead of Rust's types.
+pub fn plainly(message: &str) -> String {
+    let message = message.replace("expected f64", "expected a number").replace('\n', ", ");
+    match message.split_once("expected struct ") {
+        Some((before, behind)) => {
+            let rest = behind.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_');
+            format!("{before}expected a table, {{key = value, …}}{rest}")
+        }
+        None => message,
+    }
 }
 
 fn advice(name: &str, valid: &[&str]) -> String {

@@ -134,7 +134,8 @@ impl Judge<'_> {
         let loudness = self.segmenter.loudness(rest);
         if loudness.0.max(loudness.1) > self.still.enter {
             let explanation = format!(
-                "quiet motion, no rest: {:.1} (accelerometer) and {:.1} (gyroscope) times the noise floor seen since",
+                "quiet motion, no rest: {:.1} (accelerometer) and {:.1} (gyroscope) times the noise floor seen since; put \
+                 it on something firm and let go of it",
                 loudness.0, loudness.1
             );
             return Some((Reason::Outlier, explanation));

@@ -15,7 +15,7 @@ pub struct Config {
     /// Stage after which the fit of the accelerometer stops.
     pub estimator: Estimator,
     /// Local gravity, m/s², if known. Otherwise it follows from the latitude; that, from a position in the recording.
-    /// Without either it is standard gravity, with an uncertainty of 0.15 %.
+    /// Without either it is standard gravity, ± 0.04 m/s² (95 %).
     pub gravity: Option<f64>,
     /// Latitude of the recording, degrees north: for gravity and for the Earth's rotation.
     pub latitude_deg: Option<f64>,
@@ -36,8 +36,9 @@ pub struct Config {
     /// Quadratic nonlinearity of an accelerometer: what the square of a reading adds to it at 1 g, standard deviation,
     /// m/s². Six faces cannot tell it from a bias.
     pub nonlinearity: f64,
-    /// Largest error of a corrected reading in any direction, at 95 %, with which a model that needs no faces is
-    /// believed, m/s².
+    /// Largest error of a corrected reading in the one direction where it is largest, at 95 %, with which a model that needs
+    /// no faces is believed, m/s². It lies below the published worst case, which holds in all directions at once and for
+    /// an error that one wrong placement could hide.
     pub max_error: f64,
     /// Whether each turn between two rests that looks like whole turns of a table was exactly that, ± 0.5°: it shows the
     /// gyroscope's scale about the vertical, as no other turn does.

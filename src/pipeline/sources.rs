@@ -1,5 +1,7 @@
 //! Sources of samples: the channels of a recording, and the intake that reads their messages.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use super::channel_table::{ChannelTable, Entry};
@@ -69,5 +71,22 @@ impl Sources {
             format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
         };
         self.intake.missing_topics().into_iter().map(line).collect()
+    }
+
+    /// The same, each with the topics that there are instead.
+    pub(crate) fn missing_among(&self) -> Vec<String> {
+        /// Most topics that are listed.
+        const LISTED: usize = 8;
+        let names = self.channels().map(|(entry, _)| entry.channel.topic.as_str());
+        let names: BTreeSet<_> = names.filter(|name| !topic::is_annotation(name)).collect();
+        let listed: Vec<_> = names.iter().take(LISTED).copied().collect();
+        let further = names.len().saturating_sub(listed.len());
+        let further = if further > 0 { format!(" and {further} more") } else { String::new() };
+        let there = format!("{}{further}", listed.join(", "));
+        let line = |missing: String| match missing.ends_with('?') {
+            true => format!("{missing} It has {there}"),
+            false => format!("{missing}; it has {there}"),
+        };
+        self.missing().into_iter().map(line).collect()
     }
 }

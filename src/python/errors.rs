@@ -47,7 +47,7 @@ pub fn exception(error: &Error) -> PyErr {
     let system = |kind: io::ErrorKind| PyErr::from(io::Error::new(kind, text.clone()));
     match error {
         Error::Io { source, .. } => system(source.kind()),
-        Error::Exists(_) | Error::Itself(_) => system(io::ErrorKind::AlreadyExists),
+        Error::Exists(_) | Error::Itself(_) | Error::ItselfAnnotated(_) => system(io::ErrorKind::AlreadyExists),
         Error::Busy(_) => system(io::ErrorKind::WouldBlock),
         Error::Input { .. } | Error::Unfit { .. } => RecordingError::new_err(text),
         Error::Usage(_) | Error::Config(_) => PyValueError::new_err(text),

@@ -56,7 +56,7 @@ impl Annotated {
     /// list of str : What is missing or was refused.
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.report.notes.iter().map(|note| printable(note).into_owned()).collect()
+        self.report.notes.iter().chain(&self.report.missing).map(|note| printable(note).into_owned()).collect()
     }
 
     fn __repr__(&self) -> String {
@@ -141,15 +141,17 @@ pub fn annotate(
         let input = Input::open_original(&path, access)?;
         let reads = [input.reads(), Reads::of(&config)];
         if force || sidecar {
-            outputs.iter().try_for_each(|output| reads.iter().try_for_each(|reads| reads.refuse(output)))?;
+            let refused = outputs.iter().try_for_each(|output| reads.iter().try_for_each(|reads| reads.refuse(output)));
+            refused.map_err(Error::of_annotating)?;
         }
         let options = Options { form, force, allow_no_imu, verify, sync };
         run::annotate(&input, &outputs, &settings, options, watch).map_err(|error| match error {
-            Error::Exists(path) if input.reads().contains(&path) => Error::Itself(path),
-            error => error,
+            Error::Exists(path) if input.reads().contains(&path) => Error::ItselfAnnotated(path),
+            error => error.of_annotating(),
         })
     })?;
-    for note in report.notes.iter().cloned().chain(report.damage.iter().map(|damage| format!("damaged {damage}"))) {
+    let damage = report.damage.iter().map(|damage| format!("damaged {damage}"));
+    for note in report.notes.iter().cloned().chain(damage).chain(report.missing.iter().cloned()) {
         log(py, Level::Warning, &printable(&note))?;
     }
     let [output] = outputs;

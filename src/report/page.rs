@@ -107,6 +107,8 @@ impl Page<'_> {
         let earlier = self.earlier.map(|earlier| Earlier::new(earlier, recorded));
         // Of many recordings there are no readings, and no one command.
         let is_one = timeline.course.is_none();
+        let Self { recording, timelines, settings, .. } = *self;
+        let source = is_one.then_some(paste::Source { recording, settings, timelines });
         let sections = [
             Some(summary::section(&imu)),
             course::course(&imu),
@@ -114,7 +116,7 @@ impl Page<'_> {
             faces::section(&imu),
             Some(numbers::section(&imu, earlier.as_ref())),
             earlier.as_ref().map(|earlier| account::section(&imu, earlier)),
-            paste::section(&imu, is_one.then_some(self.recording)),
+            paste::section(&imu, source),
             residuals::at_rest(&imu),
             residuals::of_turns(&imu),
             temperature::section(&imu),

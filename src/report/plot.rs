@@ -1,7 +1,7 @@
 //! Plots as static SVG that stretches with the page, and labels as text that does not.
 //!
 //! A drawing is 1000 by 1000 units whatever its size on the screen. Lines keep their width, dots are lines without
-//! length.
+//! length. No dot is lost: what lies beyond the scale is an arrow at its edge.
 
 use std::fmt::Write as _;
 
@@ -39,8 +39,12 @@ impl Scale {
 
     /// Place of a value: 0 at the lowest, 1 at the highest, clamped just beyond.
     fn place(self, value: f64) -> f64 {
+        self.whole_place(value).clamp(-0.01, 1.01)
+    }
+
+    fn whole_place(self, value: f64) -> f64 {
         let value = if self.log { value.max(1e-12).log10() } else { value };
-        ((value - self.low) / (self.high - self.low)).clamp(-0.01, 1.01)
+        (value - self.low) / (self.high - self.low)
     }
 
     /// Round values within the scale, and their labels.
@@ -155,7 +159,20 @@ impl Plot {
         }
     }
 
+    /// Draws a dot; one above or below the scale is an arrow at that edge.
     pub(super) fn dot(&mut self, x: f64, y: f64, class: &str, title: &str) {
+        let beyond = match self.y.whole_place(y) {
+            place if place > 1.0 => Some(("above", "▲")),
+            place if place < 0.0 => Some(("below", "▼")),
+            _ => None,
+        };
+        if let Some((edge, arrow)) = beyond {
+            let left = format!("left:{:.2}%", self.px(x) / 10.0);
+            self.labels.push(html! {
+                span class={ "beyond " (edge) " " (class) } style=(left) title=(title) { (arrow) }
+            });
+            return;
+        }
         let (x, y) = (self.px(x), self.py(y));
         self.svg.push(html! { path class={ "dot " (class) } d={ "M" (x) " " (y) "h0" } { title { (title) } } });
     }
@@ -231,6 +248,20 @@ mod tests {
                 assert!((2..=8).contains(&ticks.len()), "{range}: {ticks:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_dot_beyond_the_scale_is_an_arrow_at_its_edge() {
+        let mut plot = Plot::new(Scale::linear(0.0, 10.0, 0.0), Scale::linear(-1.0, 1.0, 0.0));
+        for (x, y) in [(1.0, 1.0), (2.0, 5.0), (3.0, -1.5)] {
+            plot.dot(x, y, "f1", &format!("at {y}"));
+        }
+        let html = plot.figure("", "caption", Along::Clock).into_string();
+        assert_eq!(
+            (html.matches("▲").count(), html.matches("▼").count(), html.matches("class=\"dot").count()),
+            (1, 1, 1)
+        );
+        assert!(html.contains(r#"<span class="beyond above f1" style="left:20.00%" title="at 5">▲</span>"#), "{html}");
     }
 
     #[test]

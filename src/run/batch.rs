@@ -45,8 +45,10 @@ pub struct Report {
     pub imus: Vec<Findings>,
     /// Every channel and its use.
     pub channels: Vec<(Channel, ChannelRole)>,
-    /// Refused or missing parts, one line each.
+    /// Refused parts, one line each.
     pub notes: Vec<String>,
+    /// Topics that the configuration names and the recording lacks, one line each.
+    pub missing: Vec<String>,
     /// Damage of the recording: the first hundred places.
     pub damage: Vec<Damage>,
     /// Number of damaged places.
@@ -288,8 +290,8 @@ fn correct_all(
 
 impl Report {
     fn new(learned: Learned, messages: u64) -> Self {
-        let Learned { imus, channels, notes, damage, damages, .. } = learned;
-        Self { imus, channels, notes, damage, damages, messages }
+        let Learned { imus, channels, notes, missing, damage, damages, .. } = learned;
+        Self { imus, channels, notes, missing, damage, damages, messages }
     }
 
     /// Whether every IMU got an accelerometer calibration. A configured one that is missing got none.
@@ -307,6 +309,7 @@ impl Report {
             imus: learned.imus.clone(),
             channels: learned.channels.clone(),
             notes: learned.notes.clone(),
+            missing: learned.missing.clone(),
             damage: learned.damage.clone(),
             damages: learned.damages,
             messages: read.map(messages).sum(),

@@ -32,6 +32,8 @@ enum Part {
 pub struct Gathered {
     /// Evidence of its sensors.
     pub evidence: Merge,
+    /// Configuration that its annotations were made with, as TOML, if they were read; empty if they do not tell.
+    pub annotated_with: Option<String>,
     /// Number of damaged places.
     pub damages: u64,
 }
@@ -110,5 +112,5 @@ pub fn gather(input: &Input, config: &Config, by: &SensorKey, watch: Watch<'_>) 
             format!("several of its IMUs are called {key:?}: tell them apart with --by topic, or --by name,frame-id");
         return Err(Error::input(input.path(), why));
     }
-    Ok(Gathered { evidence, damages: found.damages })
+    Ok(Gathered { evidence, annotated_with: found.annotated_with, damages: found.damages })
 }

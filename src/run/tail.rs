@@ -53,7 +53,8 @@ pub fn tail(
     let sidecar = sidecar_of(output);
     let reads = Reads::of([input]);
     reads.refuse(&sidecar)?;
-    if following.options.force {
+    // An existing output that is not replaced is only compared.
+    if following.options.force || !input.exists() {
         reads.refuse(output)?;
     }
     // Looked at before the sidecar, which is made at once.
@@ -69,7 +70,10 @@ pub fn tail(
         checkpoint,
         indexes,
     };
-    let done = shell.run(input, notify);
+    let done = shell.run(input, notify).map_err(|error| match error {
+        Error::Exists(path) if reads.contains(&path) => Error::Itself(path),
+        error => error,
+    });
     // An empty sidecar is only a lock.
     let nothing = shell.sidecar_file.length() == 0 && !shell.checkpoint.exists();
     match done {

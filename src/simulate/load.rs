@@ -3,6 +3,7 @@
 use super::builtin::BUILTIN;
 use super::validate::validate;
 use super::{Error, Scenario};
+use crate::config::plainly;
 
 impl Scenario {
     /// Parses a scenario from TOML text.
@@ -44,5 +45,7 @@ fn malformed(error: &toml::de::Error, text: Option<&str>) -> Error {
     bare.set_input(None);
     let bare = bare.to_string();
     let key = bare.strip_prefix(error.message()).and_then(|key| key.split('`').nth(1)).map(str::to_owned);
-    Error::Scenario { line, key, problem: error.message().replace('\n', ", ") }
+    let example =
+        if error.message().ends_with("expected struct Fault") { r#"; for example {flipped = ["z"]}"# } else { "" };
+    Error::Scenario { line, key, problem: format!("{}{example}", plainly(error.message())) }
 }

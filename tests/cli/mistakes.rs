@@ -50,6 +50,90 @@ fn an_output_that_is_the_input_is_refused_with_the_way_to_do_it() {
     let folder = Folder::with_demo();
     folder.refuses("annotate demo.mcap -o demo.mcap --force", 1, &["demo.mcap: is itself read", "annotate --in-place"]);
     folder.refuses("annotate demo.mcap -o ./demo.mcap --sidecar", 1, &["demo.mcap: is itself read"]);
+    // Other commands have no such way, and say the same with and without force.
+    folder.say("annotate demo.mcap -q").ok();
+    for line in [
+        "tail demo.mcap -o demo.mcap",
+        "tail later.mcap -o ./later.mcap",
+        "strip demo.annotated.mcap -o demo.annotated.mcap",
+        "report demo.mcap -o demo.mcap",
+        "export demo.mcap --format json -o demo.mcap",
+        "config layout demo.mcap -o demo.mcap",
+        "merge demo.mcap --report demo.mcap",
+    ] {
+        for force in ["", " --force"] {
+            let run = folder.say(&format!("{line}{force}"));
+            let is_said = run.stderr.ends_with(".mcap: is itself read by this command; choose another name\n");
+            assert!(run.code == 1 && is_said, "{line}{force}: {}", run.stderr);
+        }
+    }
+    assert_eq!(folder.names(), ["demo.annotated.mcap", "demo.mcap"]);
+}
+
+#[test]
+fn a_recording_where_a_calibration_should_be_is_called_one() {
+    let folder = Folder::with_demo();
+    for line in ["import demo.mcap", "report demo.mcap --against demo.mcap", "annotate demo.mcap --against demo.mcap"] {
+        let words = ["demo.mcap: is a recording, no calibration", "stillpoint export demo.mcap --format json"];
+        folder.refuses(line, 1, &words);
+    }
+    folder.refuses(
+        "annotate demo.mcap -c demo.mcap",
+        2,
+        &["demo.mcap: cannot read the configuration: it is a recording"],
+    );
+    folder.refuses(
+        "annotate --inputs-from demo.mcap",
+        1,
+        &["demo.mcap: cannot read: it is a recording (MCAP), no text"],
+    );
+}
+
+#[test]
+fn a_recording_that_is_named_twice_is_told_however_it_is_spelled() {
+    let folder = Folder::with_demo();
+    folder.refuses("annotate demo.mcap demo.mcap", 2, &["demo.mcap: is named twice; name each recording once"]);
+    let spelled = ["demo.mcap: is named twice (and as ./demo.mcap)"];
+    for how in ["", "--out-dir out", "--join --out-dir out", "--join --sidecar", "--join --sidecar -o out", "-o out"] {
+        folder.refuses(&format!("annotate demo.mcap ./demo.mcap {how}"), 2, &spelled);
+    }
+    // Two of one name are not one.
+    std::fs::create_dir(folder.path().join("other")).unwrap();
+    std::fs::copy(folder.path().join("demo.mcap"), folder.path().join("other/demo.mcap")).unwrap();
+    folder.refuses("annotate demo.mcap other/demo.mcap --out-dir out", 2, &["would both be written to out/demo"]);
+}
+
+#[test]
+fn what_was_written_is_said_whatever_it_is() {
+    let folder = Folder::with_demo();
+    for line in [
+        "export demo.mcap --format json -o e.json",
+        "import e.json -o i.json",
+        "config layout demo.mcap -o l.json",
+        "merge demo.mcap -o m.txt",
+        "merge demo.mcap --format json -o m.json",
+        "report demo.mcap -o r.html",
+    ] {
+        let name = line.split_whitespace().last().unwrap();
+        let stderr = folder.say(line).ok().stderr;
+        assert_eq!(stderr.lines().last(), Some(&*format!("wrote {name}")), "{line}: {stderr}");
+        assert_eq!(folder.say(&format!("{line} -q")).ok().stderr, "", "{line}");
+    }
+}
+
+#[test]
+fn a_folder_that_no_recorder_finished_is_refused_with_what_works() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path().join("a bag")).unwrap();
+    for name in ["a bag/x_0.mcap", "a bag/x_1.mcap"] {
+        folder.write(name, b"");
+    }
+    for verb in [&["annotate"][..], &["topics"], &["report"], &["export", "--format", "json"], &["merge"]] {
+        let run = folder.run([verb, &["a bag"]].concat());
+        let advice = "error: a bag: is a folder without metadata.yaml; name a .mcap file in it; those that are one recording \
+                      are annotated as one: stillpoint annotate --join 'a bag'/*.mcap --out-dir DIR";
+        assert_eq!((run.code, run.stderr.trim_end()), (1, advice), "{verb:?}");
+    }
 }
 
 #[test]
@@ -118,10 +202,16 @@ fn a_topic_that_is_configured_in_vain_is_no_calibrated_imu() {
     let setting = r#"imu=[{topic="/imu/data_row"}]"#;
     let run = |more: &[&str]| folder.run([&["annotate", "demo.mcap", "--force", "--set", setting], more].concat());
     let said = run(&[]).ok().stderr;
-    let warning =
-        "warning: /imu/data_row: configured, but the recording has no such topic; did you mean /imu/data_raw?";
-    assert!(said.lines().any(|line| line == warning), "{said}");
-    assert_eq!(run(&["--require-calibration"]).code, 4);
+    let warning = "warning: /imu/data_row: configured, but the recording has no such topic; did you mean /imu/data_raw? It \
+                   has /imu/data_raw";
+    assert_eq!(said.lines().last(), Some(warning), "{said}");
+    let required = run(&["--require-calibration"]);
+    let unmet =
+        "warning: demo.mcap: no accelerometer calibration for /imu/data_row, and --require-calibration asks for one";
+    assert_eq!((required.code, required.stderr.lines().last()), (4, Some(unmet)), "{}", required.stderr);
+    // Whatever calibrates.
+    let exported = folder.run(["export", "demo.mcap", "--format", "json", "--set", setting]).ok().stderr;
+    assert_eq!(exported.trim_end(), warning);
 }
 
 #[test]

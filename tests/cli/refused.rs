@@ -19,7 +19,7 @@ fn inputs_that_are_no_recording_are_refused() {
         folder.refuses(&format!("{verb} empty.mcap"), 1, &["empty.mcap: ", "empty"]);
         folder.refuses(&format!("{verb} missing.mcap"), 1, &["missing.mcap: ", "no such file"]);
         folder.refuses(&format!("{verb} folder"), 1, &["folder: is a folder"]);
-        folder.refuses(&format!("{verb} bag"), 1, &["bag: ", "rosbag2", "name the .mcap files"]);
+        folder.refuses(&format!("{verb} bag"), 1, &["bag: ", "rosbag2", "name a .mcap file"]);
     }
     folder.refuses("annotate text.mcap", 1, &["not an MCAP"]);
     folder.refuses("annotate /dev/null", 1, &["not a regular file"]);
@@ -208,6 +208,9 @@ fn faults_of_the_configuration_are_located() {
         folder.refuses(&format!("{verb} syntax.toml"), 2, &["syntax.toml:1: "]);
         folder.refuses(&format!("{verb} missing.toml"), 2, &["missing.toml", "no such file"]);
     }
+    for verb in ["annotate", "merge"] {
+        folder.refuses(&format!("{verb} --inputs-from missing.txt"), 1, &["missing.txt: cannot read: no such file"]);
+    }
     folder.refuses("annotate demo.mcap --set still.windw_s=1", 2, &["--set still.windw_s=1", "`window_s`"]);
     folder.refuses("annotate demo.mcap --set nonsense", 2, &["expected key=value"]);
     folder.say("config check good.toml").ok();
@@ -218,7 +221,7 @@ fn command_lines_that_contradict_themselves_are_usage_errors() {
     let folder = Folder::with_demo();
     folder.write("other.mcap", &folder.read("demo.mcap"));
     folder.refuses("annotate demo.mcap other.mcap -o out.mcap", 2, &["--out-dir"]);
-    folder.refuses("annotate demo.mcap ./demo.mcap --out-dir .", 2, &["would both be written to"]);
+    folder.refuses("annotate demo.mcap ./demo.mcap --out-dir .", 2, &["named twice"]);
     folder.refuses("simulate no-such -o out.mcap", 2, &["no-such", "demo, thesis-sequence-1"]);
     folder.refuses("simulate demo -o out.mcap --set gravty=1", 2, &["gravty"]);
     for line in

@@ -97,6 +97,15 @@ fn required_calibrations_that_are_missing_tell_the_exit_code() {
     }
     let run = folder.say("annotate three.mcap --require-calibration --json -q");
     assert_eq!((run.code, run.stderr.as_str()), (4, ""));
+    let unmet =
+        "warning: three.mcap: no accelerometer calibration for /imu/data_raw, and --require-calibration asks for one";
+    for verb in ["annotate", "tail"] {
+        let run = folder.say(&format!("{verb} three.mcap -o {verb}.mcap --require-calibration"));
+        assert_eq!((run.code, run.stderr.lines().last()), (4, Some(unmet)), "{verb}: {}", run.stderr);
+    }
+    let merged = folder.say("merge three.mcap --require-calibration");
+    let is_said = merged.stderr.contains("no accelerometer calibration for /imu/data_raw, and --require-calibration");
+    assert!(merged.code == 4 && is_said, "{}", merged.stderr);
     let imu = &run.json()["imus"][0];
     assert_eq!(imu["accelerometer"]["bias"], Value::Null);
     assert_eq!(imu["coverage"]["complete"], false);

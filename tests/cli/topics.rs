@@ -294,3 +294,13 @@ fn a_recording_annotated_with_a_mapping_does_not_want_it_again() {
     folder.say("strip once.mcap -o raw2.mcap").ok();
     folder.refuses("annotate raw2.mcap", 1, &["no usable IMU topic among /imu"]);
 }
+
+#[test]
+fn a_large_bias_is_among_what_an_odd_length_may_be() {
+    let folder = Folder::new();
+    let (bias, pose) = ("accelerometer.bias=[0, 0, -8.0]", "pose=[{face=\"+Z\", rest_s=6}]");
+    folder.run(["simulate", "demo", "-o", "a.mcap", "-q", "--set", bias, "--set", pose]).ok();
+    let said = folder.say("topics a.mcap").ok().stdout;
+    let may_be = "which is no unit of gravity: moving all the time, gravity removed, or a large bias";
+    assert!(said.contains(may_be), "{said}");
+}

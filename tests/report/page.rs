@@ -79,6 +79,56 @@ fn what_is_pasted_holds_the_numbers_of_the_export_exactly() {
 }
 
 #[test]
+fn commands_to_paste_keep_the_settings_that_the_annotations_follow() {
+    let folder = Folder::with_demo();
+    let imu = r#"imu=[{topic="/imu/data_raw", name="front", preset="mpu9250"}]"#;
+    let bounds = "fit.bounds.gyro_bias=[-0.2, 0.3]";
+    let sets = ["--set", "fit.gravity=9.81744", "--set", imu, "--set", bounds];
+    folder.run([&["annotate", "demo.mcap", "-o", "an notated.mcap"], &sets[..]].concat()).ok();
+    folder.run(["report", "an notated.mcap", "-o", "page.html"]).ok();
+    let html = String::from_utf8(folder.read("page.html")).unwrap();
+    check(&html);
+    let commands = pasted(&html, "Commands: a file for Kalibr, and the recording with corrected messages");
+    assert!(commands.contains(" --set fit.gravity=9.81744") && !commands.contains("still."), "{commands}");
+    let program = crate::common::program();
+    let folder_of = std::path::Path::new(&program).parent().unwrap().display().to_string();
+    let path = format!("{folder_of}:{}", std::env::var("PATH").unwrap());
+    for command in commands.lines() {
+        let mut shell = std::process::Command::new("sh");
+        crate::common::finish(shell.args(["-c", command]).current_dir(folder.path()).env("PATH", &path)).ok();
+    }
+    assert!(folder.names().contains(&"imu-kalibr.yaml".to_owned()), "{:?}", folder.names());
+    let exported = |name: &str| folder.run(["export", name, "--format", "json"]).ok().json();
+    assert_eq!(exported("corrected.mcap"), exported("an notated.mcap"));
+}
+
+#[test]
+fn commands_that_cannot_work_are_not_offered() {
+    let folder = Folder::with_demo();
+    let poses = "pose=[{face='-Z', rest_s=3}, {face='-X', rest_s=3}, {face='+Y', rest_s=3}]";
+    folder.run(["simulate", "demo", "-o", "some.mcap", "-q", "--set", poses]).ok();
+    folder.say("annotate some.mcap -o annotated.mcap").ok();
+    folder.say("annotate demo.mcap --sidecar -o sidecar.mcap").ok();
+    let commands = |name: &str, what: &str| {
+        folder.say(&format!("report {name} -o {name}.html")).ok();
+        pasted(&String::from_utf8(folder.read(&format!("{name}.html"))).unwrap(), &format!("Commands: {what}"))
+    };
+    // The gyroscope is known, the accelerometer is not.
+    assert_eq!(
+        commands("annotated.mcap", "the recording with corrected messages"),
+        "stillpoint annotate annotated.mcap -o corrected.mcap --set output.corrected=final\n"
+    );
+    // Nor does a note of the accelerometer say how well gravity is known.
+    let html = String::from_utf8(folder.read("annotated.mcap.html")).unwrap();
+    assert!(html.contains("gravity 9.80665 ± 0.0400 m/s² (standard)"), "{html}");
+    // A sidecar holds no messages to correct.
+    assert_eq!(
+        commands("sidecar.mcap", "a file for Kalibr"),
+        "stillpoint export sidecar.mcap --format kalibr -o imu-kalibr.yaml\n"
+    );
+}
+
+#[test]
 fn a_drift_is_shown_with_its_interval_and_nothing_is_minus_zero() {
     let folder = Folder::with_demo();
     folder.say("export demo.mcap --format json -o before.json").ok();
@@ -117,6 +167,41 @@ fn what_is_annotated_is_read_and_never_fitted_again() {
     assert_eq!(report["imus"], said["imus"]);
     let fresh = folder.say("report demo.mcap --json --set still.min_fit_s=50").ok().json();
     assert_eq!(fresh["imus"][0]["accelerometer"]["status"], "UNDETERMINED");
+}
+
+#[test]
+fn settings_that_annotations_do_not_follow_are_said_with_the_command_that_would() {
+    let folder = Folder::with_demo();
+    folder.say("annotate demo.mcap -o annotated.mcap --set fit.gravity=9.81744").ok();
+    folder.say("annotate demo.mcap --sidecar -o sidecar.mcap").ok();
+    folder.write("two.toml", b"[fit]\ngravity = 9.8\n[still]\nmin_rest_s = 0.5\n");
+    let said = |line: &str| folder.say(line).ok().stderr;
+    for verb in ["export annotated.mcap --format json", "report annotated.mcap", "report annotated.mcap --json"] {
+        let warning = "warning: annotated.mcap: the annotations are read as they are, and fit.gravity is not applied; to \
+                       calibrate anew: stillpoint annotate annotated.mcap -o anew.mcap --set fit.gravity=9.8\n";
+        assert_eq!(said(&format!("{verb} --set fit.gravity=9.8")), warning, "{verb}");
+        assert!(said(&format!("{verb} -c two.toml")).contains(
+            "fit.gravity, still.min_rest_s are not applied; to calibrate anew: stillpoint annotate annotated.mcap -o anew.mcap -c \
+             two.toml\n"
+        ));
+        // What they follow already, and what is not of the calibration.
+        for set in ["fit.gravity=9.81744", "fit.max_error=0.1", "output.corrected=final"] {
+            assert_eq!(said(&format!("{verb} --set {set}")), "", "{verb} {set}");
+        }
+    }
+    assert!(
+        said("export sidecar.mcap --format json --set fit.gravity=9.8").contains("stillpoint annotate RECORDING --set")
+    );
+    assert_eq!(said("export sidecar.mcap --format json --set limits.chunk_mib=65"), "");
+    assert_eq!(said("export demo.mcap --format json --set fit.gravity=9.8"), "");
+    // A merge fits again, to rests that were found before.
+    assert_eq!(said("merge annotated.mcap sidecar.mcap --set fit.gravity=9.8"), "");
+    let merged = said("merge annotated.mcap sidecar.mcap --set still.min_rest_s=0.5");
+    assert!(
+        merged.starts_with("warning: annotated.mcap (and 1 more): the annotations are read as they are"),
+        "{merged}"
+    );
+    assert!(said("merge demo.mcap --set still.min_rest_s=0.5").is_empty());
 }
 
 #[test]

@@ -98,3 +98,26 @@ fn the_demo_shows_what_its_gyroscope_and_its_turns_leave() {
     let turns = html.split("<h3>What remains of the turns</h3>").nth(1).unwrap().split("</section>").next().unwrap();
     assert!(turns.contains("Gravity missed after each turn, degrees") && turns.contains("turn 1 by "), "{turns}");
 }
+
+#[test]
+fn a_rest_that_lies_far_off_is_an_arrow_at_the_edge_and_a_near_one_sets_the_scale() {
+    let rest = |second: i64, accepted: bool, z: f64| {
+        let stamp = Some(prost_types::Timestamp { seconds: second, nanos: 0 });
+        let mean = Some(Vector3 { x: 0.0, y: 0.0, z });
+        let mean = TriadMean { sensor: "accelerometer".into(), samples: 100, mean, ..TriadMean::default() };
+        let segment = Segment { start: stamp, end: stamp, accepted, means: vec![mean], ..Segment::default() };
+        (second * 1_000_000_000, segment)
+    };
+    let arrows = |rejected: f64| {
+        let rests = [rest(5, true, 9.80665 + 0.5), rest(9, true, 9.80665 - 0.5), rest(12, false, 9.80665 + rejected)];
+        let timelines = [Timeline::new(Findings { rests: rests.into(), ..Findings::new("/imu", "/imu") })];
+        let html = Page { recording: "x", timelines: &timelines, notes: &[], settings: "", earlier: None }.html();
+        check(&html);
+        let section = html.split("<h3>What remains at rest</h3>").nth(1).unwrap().split("</section>").next().unwrap();
+        let count = |what: &str| section.matches(what).count();
+        [count("class=\"beyond above"), count("class=\"beyond below"), count("class=\"dot ")]
+    };
+    assert_eq!(arrows(3.0), [1, 0, 2]);
+    assert_eq!(arrows(-3.0), [0, 1, 2]);
+    assert_eq!(arrows(1.0), [0, 0, 3]);
+}

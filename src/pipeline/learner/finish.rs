@@ -22,13 +22,14 @@ impl Learner {
         let stuck = stuck.filter(|imu| !self.corrector.has_written(&imu.name)).map(not_corrected);
         let stuck = stuck.chain(rounded(&self.sources.intake, &self.corrector));
         let apart = self.apart().is_some();
-        let notes = faults.chain(self.timing_remarks()).chain(self.sources.missing()).chain(stuck);
+        let notes = faults.chain(self.timing_remarks()).chain(stuck);
         let notes = notes.chain(self.unused_rotations()).collect();
         let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),
             channels: channels.collect(),
             notes,
+            missing: self.sources.missing_among(),
             apart,
             damage: self.damage,
             damages: self.damages,

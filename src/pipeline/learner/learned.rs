@@ -11,8 +11,10 @@ pub(crate) struct Learned {
     pub(crate) imus: Vec<Findings>,
     /// All channels, and their roles.
     pub(crate) channels: Vec<(Channel, ChannelRole)>,
-    /// Refusals and missing inputs, one line each.
+    /// Refusals, one line each.
     pub(crate) notes: Vec<String>,
+    /// Topics that the configuration names and the recording lacks, one line each.
+    pub(crate) missing: Vec<String>,
     /// Whether an IMU's channels follow each other in the file and were not read in time order.
     pub(crate) apart: bool,
     /// First damages.

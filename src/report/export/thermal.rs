@@ -74,7 +74,7 @@ pub(super) fn ardupilot(slot: u8, sensors: &[Thermal]) -> Result<Lines, ExportEr
     if high - low < LEAST_SPAN {
         return Err(ExportError::Refused(format!(
             "ArduPilot needs a range of {LEAST_SPAN} °C that both sensors were seen in, and it is {low:.1} to {high:.1} °C: \
-             calibrate with --set fit.temperature=off, or record more of a range"
+             calibrate the recording anew (stillpoint annotate RECORDING --set fit.temperature=off), or record more of a range"
         )));
     }
     let (prefix, _) = ardupilot_names(slot, true);

@@ -3,8 +3,8 @@
 use crate::messages::Triad;
 
 /// Advice for a model that the format cannot hold.
-pub(super) const LEANER: &str =
-    "calibrate the recording with --set fit.model=bias-scale, or use --format json, kalibr or imu-calib";
+pub(super) const LEANER: &str = "calibrate the recording anew (stillpoint annotate RECORDING --set fit.model=bias-scale), or \
+    use --format json, kalibr or imu-calib";
 
 /// Name of the change of a bias with temperature.
 pub(super) const BY_TEMPERATURE: &str = "change of bias with temperature";
@@ -13,8 +13,8 @@ pub(super) const BY_TEMPERATURE: &str = "change of bias with temperature";
 pub(super) fn instead(what: &str) -> &'static str {
     match what {
         BY_TEMPERATURE => {
-            "calibrate the recording with --set fit.temperature=off for one bias of all temperatures, or use --format json, \
-             yaml, px4 or ardupilot"
+            "calibrate the recording anew for one bias of all temperatures (stillpoint annotate RECORDING --set \
+             fit.temperature=off), or use --format json, yaml, px4 or ardupilot"
         }
         _ => "use --format json or yaml",
     }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::elements::{self, axes, notes, sentence, table};
 use super::imu::Imu;
+use crate::fit::Gravity;
 use crate::messages::triad::Status;
 use crate::messages::{Triad, Vector3};
 use crate::report::{Change, CrossTerm, Drift, Earlier, Findings, cross_terms, drift, estimate, matrix, model};
@@ -13,10 +14,16 @@ pub(super) fn section(imu: &Imu<'_>, earlier: Option<&Earlier<'_>>) -> Markup {
         let why = imu.findings.reason().unwrap_or_default().trim_end_matches('.');
         return elements::section("Calibration", html! { p { "None was published: " (why) "." } });
     };
+    let standard = Gravity::standard();
+    let half = standard.half_interval();
+    let gravity = match found.gravity_source == standard.source.name() {
+        true => format!("{:.5} ± {half:.4}", found.gravity),
+        false => format!("{:.5}", found.gravity),
+    };
     let content = html! {
         p.dim {
             "Revision " (found.revision) " from " (count(found.segments, "rest")) " in "
-            (count(found.placements, "placement")) "; gravity " (format!("{:.5}", found.gravity)) " m/s² ("
+            (count(found.placements, "placement")) "; gravity " (gravity) " m/s² ("
             (found.gravity_source) ")."
         }
         @for found in imu.findings.triads() { (triad(found)) }

@@ -1,4 +1,5 @@
-//! The numbers to paste into programs: JSON, YAML, numpy, and the commands that do it without pasting.
+//! The numbers to paste into programs: JSON, YAML, numpy, and the commands that do it without pasting, as far as they can
+//! work.
 
 use std::fmt::Write as _;
 
@@ -7,12 +8,25 @@ use serde_json::{Value, json};
 
 use super::elements;
 use super::imu::Imu;
+use crate::config::{Config, Layer};
 use crate::messages::Triad;
 use crate::printable_json;
-use crate::report::{calibration, direction, matrix, model, row_major, yaml};
+use crate::report::{
+    ExportError, Findings, Format, Options, Timeline, calibration, direction, export, matrix, model, row_major, yaml,
+};
+use crate::shell_word;
+
+/// A recording that commands can name, and the settings that its annotations follow, as TOML.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) recording: &'a str,
+    pub(super) settings: &'a str,
+    /// All of its IMUs.
+    pub(super) timelines: &'a [Timeline],
+}
 
 /// Numbers and, of one recording, commands; `None` if no triad is determined.
-pub(super) fn section(imu: &Imu<'_>, recording: Option<&str>) -> Option<Markup> {
+pub(super) fn section(imu: &Imu<'_>, source: Option<Source<'_>>) -> Option<Markup> {
     let triads: Vec<_> = imu.findings.triads().filter_map(|triad| Some((triad, numbers(triad)?))).collect();
     if triads.is_empty() {
         return None;
@@ -23,21 +37,44 @@ pub(super) fn section(imu: &Imu<'_>, recording: Option<&str>) -> Option<Markup> 
         ("direction".to_owned(), json!(direction(imu.findings.calibration.as_ref()))),
     ];
     let value = Value::Object(head.into_iter().chain(fields).collect());
-    let commands = recording.map(quoted).map(|name| {
-        format!(
-            "stillpoint export {name} --format kalibr -o imu-kalibr.yaml\nstillpoint annotate {name} -o corrected.mcap --set output.corrected=final\n"
-        )
-    });
+    let commands: Vec<_> = source.into_iter().flat_map(|source| commands(imu, source)).collect();
     // Hidden characters are escaped as these languages do, so that they are read back as what they were.
     let content = html! {
         (block("JSON", &printable_json(&(pretty(&value, 0) + "\n"))))
         (block("YAML", &printable_json(&yaml::document(&value))))
         (block("numpy", &numpy(&triads)))
-        @if let Some(commands) = &commands {
-            (block("Commands: a file for Kalibr, and the recording with corrected messages", commands))
+        @if !commands.is_empty() {
+            @let what: Vec<_> = commands.iter().map(|(what, _)| *what).collect();
+            @let lines: String = commands.iter().map(|(_, line)| format!("{line}\n")).collect();
+            (block(&format!("Commands: {}", what.join(", and ")), &lines))
         }
     };
     Some(elements::section("To paste", content))
+}
+
+/// Commands that work on the recording, each with what it makes.
+fn commands(imu: &Imu<'_>, source: Source<'_>) -> Vec<(&'static str, String)> {
+    let Source { recording, settings, timelines } = source;
+    let name = shell_word(recording);
+    let kalibr = || {
+        let format = Format::named("kalibr")?;
+        let to = |findings: &Findings| export(std::slice::from_ref(findings), format, &Options::default());
+        // One IMU that the file cannot hold makes the whole of it fail; one that is not determined is left out of it.
+        let fails = |timeline: &Timeline| matches!(to(&timeline.findings), Err(ExportError::Holds { .. }));
+        let works = to(imu.findings).is_ok() && !timelines.iter().any(fails);
+        works.then(|| ("a file for Kalibr", format!("stillpoint export {name} --format kalibr -o imu-kalibr.yaml")))
+    };
+    let corrected = || {
+        // A sidecar holds no readings, and settings of another version may not be known.
+        let has_readings = imu.timeline.acceleration.span().is_some();
+        let config = Config::load(&[Layer::file("the recording", settings)]).ok().filter(|_| has_readings)?;
+        let line = format!("stillpoint annotate {name} -o corrected.mcap --set output.corrected=final");
+        let others =
+            config.changes_from(&Config::default()).into_iter().filter(|change| change.key != "output.corrected");
+        let line = others.fold(line, |line, change| format!("{line} --set {}", shell_word(&change.setting())));
+        Some(("the recording with corrected messages", line))
+    };
+    kalibr().into_iter().chain(corrected()).collect()
 }
 
 /// A text with a button that copies it, and that selects all of it on a click.
@@ -123,9 +160,4 @@ fn numpy(triads: &[(&Triad, Value)]) -> String {
         }
     }
     text
-}
-
-/// A name quoted for a shell.
-fn quoted(name: &str) -> String {
-    format!("'{}'", name.replace('\'', r"'\''"))
 }

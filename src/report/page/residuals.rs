@@ -60,7 +60,10 @@ pub(super) fn at_rest(imu: &Imu<'_>) -> Option<Markup> {
     let pairs: Vec<_> =
         std::iter::once(primary).chain(secondary).chain([rate]).filter_map(|left| pair(imu, &left)).collect();
     let content = html! {
-        p.dim { "One dot a rest, in the colour of its face; small grey ones were rejected. At rest, ‖a‖ is g and ‖ω‖ zero." }
+        p.dim {
+            "One dot a rest, in the colour of its face; small grey ones were rejected; an arrow is one beyond the scale. At rest, "
+            "‖a‖ is g and ‖ω‖ zero."
+        }
         @for pair in &pairs { (pair) }
     };
     (!pairs.is_empty()).then(|| section("What remains at rest", content))
@@ -91,10 +94,11 @@ fn figure(caption: &str, dots: &[Dot], count: usize, thing: &str) -> Option<Mark
     if dots.is_empty() {
         return None;
     }
-    // What was rejected may be anywhere; what counts sets the scale.
+    // What was rejected may be anywhere: if it lies too far off to draw the others apart, what counts sets the scale.
+    const FAR: f64 = 3.0;
     let largest = |dots: &mut dyn Iterator<Item = &Dot>| dots.map(|dot| dot.value.abs()).fold(0.0, f64::max);
-    let scale = largest(&mut dots.iter().filter(|dot| dot.counts));
-    let scale = if scale > 0.0 { scale } else { largest(&mut dots.iter()) };
+    let (counting, all) = (largest(&mut dots.iter().filter(|dot| dot.counts)), largest(&mut dots.iter()));
+    let scale = if counting > 0.0 && all > FAR * counting { counting } else { all };
     let lowest = if dots.iter().all(|dot| dot.value >= 0.0) { 0.0 } else { -scale };
     let mut plot = Plot::new(Scale::linear(0.4, count as f64 + 0.6, 0.0), Scale::linear(lowest, scale, 0.15));
     plot.rule(0.0, "zero", "");
@@ -141,7 +145,7 @@ pub(super) fn of_turns(imu: &Imu<'_>) -> Option<Markup> {
     let content = html! {
         p.dim {
             "One dot a turn between two rests: the angle between gravity as the gyroscope predicts it and as it is read. Small "
-            "grey ones are not in the calibration."
+            "grey ones are not in the calibration; an arrow is one beyond the scale."
         }
         @if let Some(plot) = figure("Gravity missed after each turn, degrees", &dots, turns.len(), "turn") { (plot) }
         details {

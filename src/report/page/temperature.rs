@@ -23,7 +23,7 @@ pub(super) fn section(imu: &Imu<'_>) -> Option<Markup> {
         p.dim {
             "One dot a rest: the gyroscope's own mean, and of the accelerometer what its bias would be if gravity were "
             "exact, which only the axis along it tells. The curve is the polynomial with its 95 % interval; the cross is at "
-            "the temperature that the published bias is for."
+            "the temperature that the published bias is for; an arrow is a rest beyond the scale."
         }
         @for drawing in &drawings { (drawing) }
     };

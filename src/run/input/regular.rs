@@ -7,6 +7,8 @@ use std::path::Path;
 
 use rustix::fs::OFlags;
 
+use crate::record::is_beginning;
+
 /// Opens a file that the user names, following links.
 pub(crate) fn open(path: &Path) -> io::Result<File> {
     checked(options().open(path)?)
@@ -77,7 +79,11 @@ pub(crate) fn read(file: File, limit: u64) -> io::Result<Vec<u8>> {
 pub fn text(path: &Path) -> io::Result<String> {
     const LONGEST: u64 = 64 << 20;
     let bytes = read(open(path)?, LONGEST)?;
-    String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text (UTF-8)"))
+    String::from_utf8(bytes).map_err(|error| {
+        let is_recording = is_beginning(error.as_bytes());
+        let why = if is_recording { "it is a recording (MCAP), no text" } else { "it is no text (UTF-8)" };
+        io::Error::new(io::ErrorKind::InvalidData, why)
+    })
 }
 
 /// Whether the error says that a file in this place was not made by Stillpoint.

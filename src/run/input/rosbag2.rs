@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::regular;
 use crate::Error;
 use crate::record::{START, Topic, is_beginning};
+use crate::shell_word;
 pub(crate) use metadata::Contents;
 use metadata::Metadata;
 
@@ -40,10 +41,8 @@ impl Bag {
     pub(crate) fn open(folder: &Path) -> Result<Self, Error> {
         if !is_finished(folder) {
             let why = match files(folder).is_empty() {
-                true => "is a folder without a recording; name a recording",
-                false => {
-                    "is a folder without metadata.yaml; name the .mcap files in it, with --join if they are one recording"
-                }
+                true => "is a folder without a recording; name a recording".to_owned(),
+                false => format!("is a folder without {METADATA}; {}", files_instead(folder)),
             };
             return Err(Error::input(folder, why));
         }
@@ -57,9 +56,8 @@ impl Bag {
         let bag = Self { folder: folder.to_owned(), files, blank, original: Some(before.unwrap_or(now)), annotated };
         for name in &bag.files {
             if !folder.join(name).exists() {
-                let why = format!(
-                    "its {METADATA} names {name}, which is missing; put it there, or name the files that are there, with --join"
-                );
+                let what = format!("its {METADATA} names {name}, which is missing; put it there, or");
+                let why = format!("{what} {}", files_instead(folder));
                 return Err(Error::input(folder, why));
             }
         }
@@ -108,6 +106,16 @@ impl Bag {
         let all: Vec<_> = self.files.iter().map(contents).map(Option::unwrap_or_default).collect();
         self.original.as_ref().map(|original| original.annotated(&all, own))
     }
+}
+
+/// Advice for a folder that is no recording, which works whatever the command: its files, or one recording made of them.
+fn files_instead(folder: &Path) -> String {
+    let folder = folder.display().to_string();
+    let files = format!("{}/*.mcap", shell_word(folder.strip_suffix('/').unwrap_or(&folder)));
+    format!(
+        "name a .mcap file in it; those that are one recording are annotated as one: stillpoint annotate --join {files} \
+         --out-dir DIR"
+    )
 }
 
 /// Blank ones among a recording's files. The first is never one: it decides whether this is a recording at all.

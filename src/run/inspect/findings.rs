@@ -20,6 +20,10 @@ pub struct Found {
     pub imus: Vec<Findings>,
     /// Notes of the recorder on the channels of their topics, by topic.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Configuration that its annotations were made with, as TOML, if they were read; empty if they do not tell.
+    pub annotated_with: Option<String>,
+    /// Topics that the configuration names and the recording lacks, one line each, if it was calibrated.
+    pub missing: Vec<String>,
     /// Its first damage.
     pub damage: Option<Damage>,
     /// Number of damaged places.
@@ -38,6 +42,10 @@ pub fn findings(input: &Input, config: &Config, watch: Watch<'_>) -> Result<Foun
         let channels = learned.channels.iter().map(|(channel, _)| channel);
         found.metadata = metadata(&learned.imus, channels.map(|channel| (channel.topic.as_str(), &channel.metadata)));
         found.imus = learned.imus;
+        found.missing = learned.missing;
+    } else {
+        let settings = input.settings()?.and_then(|mut settings| settings.remove("configuration"));
+        found.annotated_with = Some(settings.unwrap_or_default());
     }
     Ok(found)
 }
@@ -81,7 +89,7 @@ fn read_annotations(input: &Input, limits: Limits, watch: Watch<'_>) -> Result<F
     let mut hidden = Damages::default();
     input.hidden_damages(limits, watch, |split, damage| hidden.add(split, damage))?;
     damages.or_more(hidden);
-    Ok(Found { imus, metadata, damage: damages.first().cloned(), damages: damages.count() })
+    Ok(Found { imus, metadata, damage: damages.first().cloned(), damages: damages.count(), ..Found::default() })
 }
 
 /// Metadata of the channels on the topics of these IMUs.

@@ -19,6 +19,8 @@ pub struct ReportData {
     pub imus: Vec<Timeline>,
     /// Settings that were used, as TOML.
     pub settings: String,
+    /// Whether these are those of annotations, which were read.
+    pub is_annotated: bool,
     /// Missing or wrong parts, one line each.
     pub notes: Vec<String>,
     /// Number of damaged places.
@@ -86,7 +88,8 @@ fn report_data_in_order(
         if !learner.has_imu() {
             return Err(no_imu(input.path(), learner.sources(), &learner.obstacles()));
         }
-        timelines.notes.extend(learner.finish(&mut |_| {}).notes);
+        let learned = learner.finish(&mut |_| {});
+        timelines.notes.extend(learned.notes.into_iter().chain(learned.missing));
     }
     let why_none = timelines.why_no_imu();
     let (imus, notes, damages) = timelines.finish();
@@ -94,5 +97,6 @@ fn report_data_in_order(
         let why = format!("was annotated, but no IMU was found in it: {why_none}");
         return Err(Error::input(input.path(), why));
     }
-    Ok(ReportData { imus, settings: settings.unwrap_or_else(|| config.canonical()), notes, damages })
+    let is_annotated = settings.is_some();
+    Ok(ReportData { imus, settings: settings.unwrap_or_else(|| config.canonical()), is_annotated, notes, damages })
 }

@@ -12,7 +12,7 @@ use object_store::{
 
 use super::client::{ObjectPlace, retry, runtime, wait};
 use super::mark::ResultMark;
-use super::refusal::refused;
+use super::refusal::{LOOK, refused};
 use crate::Error;
 use crate::run::output::written::Written;
 
@@ -197,7 +197,7 @@ fn patiently<T>(mut attempt: impl FnMut() -> Result<T, Error>) -> Result<T, Erro
 /// Mark of an object, if there is one of this name; the inner is `None` if it has no mark. One request.
 pub(crate) fn marked(path: &Path) -> Result<Option<Option<ResultMark>>, Error> {
     let location = ObjectPlace::of(path)?;
-    wait(path, async { look(&location).await.map_err(|refusal| refused(path, "look at it", refusal)) })
+    wait(path, async { look(&location).await.map_err(|refusal| refused(path, LOOK, refusal)) })
 }
 
 async fn look(location: &ObjectPlace) -> object_store::Result<Option<Option<ResultMark>>> {

@@ -288,7 +288,12 @@ impl Watcher<'_> {
                 entry.attempts += 1;
                 let for_good = matches!(
                     error,
-                    Error::Input { .. } | Error::Unfit { .. } | Error::Exists(_) | Error::Itself(_) | Error::Overdue(_)
+                    Error::Input { .. }
+                        | Error::Unfit { .. }
+                        | Error::Exists(_)
+                        | Error::Itself(_)
+                        | Error::ItselfAnnotated(_)
+                        | Error::Overdue(_)
                 );
                 let passes = error.is_full() || matches!(error, Error::Busy(_));
                 if for_good || entry.attempts >= ATTEMPTS && !passes {

@@ -35,7 +35,7 @@ pub(crate) struct Contents {
 impl Metadata {
     /// Parses a `metadata.yaml`; the error says why it cannot be used.
     pub(super) fn parse(text: String) -> Result<Self, String> {
-        let unknown = |why: &str| format!("its metadata.yaml is none ({why}); name the .mcap files in it");
+        let unknown = |why: &str| format!("its metadata.yaml is none ({why}); name a .mcap file in it");
         let document = serde_saphyr::from_str::<Value>(&text);
         let mut document = document.map_err(|e| unknown(e.to_string().lines().next().unwrap_or_default()))?;
         let info = document.get_mut(ROOT).ok_or_else(|| unknown(&format!("it has no `{ROOT}`")))?.take();

@@ -109,8 +109,8 @@ fn of_accelerometer(peeked: &Peeked<'_>, gravity: Option<f64>, remarks: &mut Rem
              large bias or scale, which annotate tells, or another range than its driver assumes"
         )),
         UnitFinding::Unknown => remarks.always.push(format!(
-            "accelerometer: reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, or gravity \
-             removed?"
+            "accelerometer: reads {rest:.2} where it is quietest, which is no unit of gravity: moving all the time, gravity \
+             removed, or a large bias (that of a high-g sensor may be 8 m/s²)?"
         )),
     }
 }
