@@ -149,7 +149,7 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, T
             seconds: turn.seconds(),
             path: turn.path(),
             roughness: turn.roughness(),
-            declared: givens.rotations.of(turn, &between),
+            known: givens.rotations.of(turn, || &between),
         });
     }
     for turn in givens.past_turns {

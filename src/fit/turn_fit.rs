@@ -13,10 +13,12 @@ mod bias_courses;
 mod equations;
 mod g_sensitivity;
 mod information;
+mod inverse_errors;
 mod session;
 mod solution;
 mod too_little;
 mod turn_estimate;
+mod vertical_equation;
 
 use nalgebra::Matrix3;
 
@@ -65,7 +67,7 @@ fn solve(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) ->
     let turned = turned.count();
     let too_few = (turned < LEAST_TURNS).then(|| match session.turns.len() {
         all if all >= LEAST_TURNS => {
-            TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.declared.is_some()) }
+            TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.known.is_some()) }
         }
         _ => TooLittle::Few { turned },
     });
