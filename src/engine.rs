@@ -66,6 +66,7 @@ mod turning;
 mod unit_probe;
 mod units;
 mod unused_rotations;
+mod vertical_scales;
 mod warmth;
 
 use std::collections::{BTreeMap, BTreeSet};

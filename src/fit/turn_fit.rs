@@ -19,6 +19,7 @@ mod solution;
 mod too_little;
 mod turn_estimate;
 mod vertical_equation;
+mod vertical_scale;
 
 use nalgebra::Matrix3;
 
@@ -32,6 +33,7 @@ use self::solution::TurnSolution;
 use self::too_little::LEAST_TURNS;
 pub use self::too_little::TooLittle;
 pub use self::turn_estimate::TurnEstimate;
+pub use self::vertical_scale::{VerticalScale, vertical_scales};
 use super::estimate::Estimate;
 
 /// Fewest turns that are compared with the rests at their ends.
