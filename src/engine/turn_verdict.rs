@@ -25,6 +25,8 @@ pub(super) struct TurnVerdict {
     pub(super) used: bool,
     pub(super) reason: Reason,
     pub(super) explanation: String,
+    /// Whether its heading counts.
+    pub(super) heading: bool,
 }
 
 /// Verdicts last published, by the start of the rest before the turn.
@@ -40,7 +42,10 @@ impl TurnsTold {
         for (from, (turn, verdict)) in verdicts {
             let told = self.0.get(&from);
             let same = |told: &TurnVerdict| {
-                told.to == verdict.to && told.used == verdict.used && told.reason == verdict.reason
+                told.to == verdict.to
+                    && told.used == verdict.used
+                    && told.reason == verdict.reason
+                    && told.heading == verdict.heading
             };
             // The loss of its pieces is no verdict on a turn.
             let forgotten =
@@ -76,12 +81,14 @@ impl<'a> View<'a> {
         let mut verdicts = BTreeMap::new();
         for turn in self.turns.turns(|_| true) {
             let explanation = "a rest at one of its ends was not accepted".to_owned();
-            let unrest = TurnVerdict { to: turn.to, used: false, reason: Reason::Unrest, explanation };
+            let (to, heading) = (turn.to, false);
+            let unrest = TurnVerdict { to, used: false, reason: Reason::Unrest, explanation, heading };
             verdicts.insert(turn.from, (turn, unrest));
         }
         let mut place = 0;
         for turn in self.believed() {
-            let verdict = self.verdict(&turn, &mut place);
+            let heading = self.rotations.heading.is_some_and(|heading| heading.of(&turn).is_some());
+            let verdict = TurnVerdict { heading, ..self.verdict(&turn, &mut place) };
             verdicts.insert(turn.from, (turn, verdict));
         }
         verdicts
@@ -115,6 +122,7 @@ impl<'a> View<'a> {
             used: false,
             reason,
             explanation: explanation.to_owned(),
+            heading: false,
         };
         if let Some(why) = turn.unusable(self.range) {
             let reason = match why {

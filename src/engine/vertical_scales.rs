@@ -24,7 +24,7 @@ pub(super) fn learn(
     /// Error of directions of gravity by an accelerometer that is calibrated, or not, rad.
     const TILTS: [f64; 2] = [0.002, 0.02];
     let is_open = solution.gyroscope.as_ref().is_some_and(|fit| fit.shape == Parameterisation::BIAS);
-    let is_known = !givens.rotations.declared.is_empty() || judge.fit.whole_turns;
+    let is_known = !givens.rotations.declared.is_empty() || judge.fit.whole_turns || givens.rotations.heading.is_some();
     if !is_open || !(is_known || givens.past_turns.iter().any(|turn| turn.known.is_some())) {
         return Vec::new();
     }
