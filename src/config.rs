@@ -106,6 +106,7 @@ mod tests {
             ("still", "[still]\nx=1"),
             ("fit", "[fit]\nx=1"),
             ("fit.rotations", "[[fit.rotations]]\nx=1"),
+            ("fit.heading", "[fit.heading]\nx=1"),
             ("fit.fixture", "[fit.fixture]\nx=1"),
             ("fit.bounds", "[fit.bounds]\nx=1"),
             ("output", "[output]\nx=1"),

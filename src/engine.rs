@@ -39,6 +39,8 @@ mod fault_detection;
 mod givens;
 mod guidance;
 mod gyroscope_faults;
+mod heading_doubt;
+mod headings;
 mod model_trial;
 mod next_step;
 mod noise;
@@ -66,6 +68,7 @@ mod turning;
 mod unit_probe;
 mod units;
 mod unused_rotations;
+mod vertical_scales;
 mod warmth;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -79,6 +82,7 @@ pub use self::config::{Config, Secondary};
 pub use self::event::{Event, Message};
 use self::fault::{Fault, FaultKind};
 use self::givens::Givens;
+use self::headings::{HeadingChanges, Headings};
 use self::noise::Noise;
 pub use self::noise::{allan_sums, axis_noise};
 pub use self::past_turn::{PastTurn, turn_of};
@@ -110,6 +114,7 @@ pub struct Engine {
     history: RestHistory,
     gate: ChangeGate,
     turns: History,
+    headings: Headings,
     turns_told: TurnsTold,
     /// Unit probe, until the noise floor is credible.
     probe: Option<Box<UnitProbe>>,
@@ -123,7 +128,7 @@ pub struct Engine {
     last: Option<(Stamp, u64)>,
     /// Number of samples of each triad that are no readings.
     unread: BTreeMap<Sensor, u64>,
-    /// Texts on the declared rotations that are of no use, at the end.
+    /// Texts on the declared rotations and headings that are of no use, at the end.
     unused_rotations: Vec<String>,
     /// Position from the recording.
     fix: Option<EarthLocation>,
@@ -142,6 +147,7 @@ impl Engine {
             history: RestHistory::default(),
             gate: ChangeGate::default(),
             turns: History::default(),
+            headings: Headings::default(),
             turns_told: TurnsTold::default(),
             probe: Some(Box::new(UnitProbe::new(&config.still))),
             noise: Noise::default(),
@@ -215,6 +221,14 @@ impl Engine {
         self.segmenter.warm(celsius);
     }
 
+    /// Takes a heading of the reference, rad, counterclockwise seen from above; whole turns may be counted or not. Those of a
+    /// rest count that come before it is found to have ended.
+    pub fn heading(&mut self, stamp: Stamp, angle: f64) {
+        if self.config.fit.heading.is_some() && angle.is_finite() {
+            self.headings.push(stamp, angle);
+        }
+    }
+
     /// Begins a new round, when the driver changes the calibration that it applies to a triad, from the sample with
     /// this stamp on. To be called before that sample is pushed. An open rest ends, and the readings of the triad so
     /// far no longer count; for the primary accelerometer, no earlier rest does.
@@ -247,7 +261,7 @@ impl Engine {
         topic.clone_into(&mut self.config.gyroscope);
     }
 
-    /// Texts on the rotations of the configuration that are of no use, and why, once [finished](Self::finish).
+    /// Texts on the rotations and headings of the configuration that are of no use, and why, once [finished](Self::finish).
     pub fn unused_rotations(&self) -> &[String] {
         &self.unused_rotations
     }
@@ -280,6 +294,9 @@ impl Engine {
         let mut solved = None;
         while let Some(rest) = self.segmenter.next_rest() {
             self.turns.rest(&rest);
+            if let Some(heading) = &self.config.fit.heading {
+                self.headings.rest(&rest, heading.std_deg.to_radians());
+            }
             self.history.add(rest);
             let solution = self.solve();
             self.hear_noise();
@@ -315,7 +332,9 @@ impl Engine {
     /// Solves with turns of other recordings, between the stored rests.
     fn solve_with(&mut self, past_turns: &[TurnSeen]) -> Solution {
         let gyro_range = self.gyro_range();
-        let Self { config, fixture, segmenter, history, gate, turns, probe, fix, reference, first, clock, .. } = self;
+        let Self { config, fixture, segmenter, history, gate, turns, headings, probe, fix, reference, first, .. } =
+            self;
+        let clock = &self.clock;
         let gravity = solve::gravity(&config.fit, *fix);
         // The step follows from the stream; if it never rests on neighbouring values, from the datasheet.
         let promised = config.preset.map(|preset| preset.datasheet().accelerometer.step);
@@ -331,7 +350,13 @@ impl Engine {
             rate_unit_is_set: config.gyro_unit.is_some(),
         };
         let (kept, reference) = (gate.shape(), reference.as_ref());
-        let rotations = Rotations { declared: &config.fit.rotations, first: first.unwrap_or_default() };
+        let (first, reference_of_heading) = (first.unwrap_or_default(), config.fit.heading.as_ref());
+        let changes = reference_of_heading.map(|heading| HeadingChanges::new(headings, heading));
+        let doubt = changes.zip(reference_of_heading).and_then(|(changes, heading)| {
+            heading_doubt::doubt(&changes, heading, turns, history.entries(), gyro_range)
+        });
+        let heading = changes.filter(|_| doubt.is_none());
+        let rotations = Rotations { declared: &config.fit.rotations, first, heading };
         let givens = Givens { gravity, step, kept, reference, turns, past_turns, rotations, gyro_range };
         let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
         if let Some(warmth) = temperature::learn(history.entries(), &solution, &judge, &givens, config) {
@@ -356,6 +381,7 @@ impl Engine {
         fault_detection::attribute(&mut solution.faults);
         fault_detection::veto(&mut solution);
         guidance::lay_to_unit(history.entries_mut(), &solution);
+        solution.heading_doubt = doubt;
         solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
         solution
     }
@@ -384,12 +410,20 @@ impl Engine {
         let noise = observations::gyroscope_noise(&self.segmenter);
         let (entries, range) = (self.history.entries(), self.gyro_range());
         let whole_turns = self.config.fit.whole_turns;
-        let rotations = Rotations { declared: &self.config.fit.rotations, first: self.first.unwrap_or_default() };
+        let heading = self.config.fit.heading.as_ref();
+        let changes = heading.map(|heading| HeadingChanges::new(&self.headings, heading));
+        let rotations = Rotations {
+            declared: &self.config.fit.rotations,
+            first: self.first.unwrap_or_default(),
+            heading: changes.filter(|_| solution.heading_doubt.is_none()),
+        };
         let view = View { turns: &self.turns, entries, solution, noise, range, whole_turns, rotations };
         let turns = self.turns_told.news(&header, &view);
         events.extend(turns.into_iter().map(|turn| event(Message::Turn(turn))));
         if at_end {
             self.unused_rotations = view.unused_rotations();
+            let unused = heading.and_then(|heading| view.unused_headings(&self.headings, heading));
+            self.unused_rotations.extend(unused);
         }
         let never_still = guidance::never_still(&self.segmenter, self.history.found(), &self.config.still);
         let never_still = never_still.map(|never| guidance::misread(&self.config, solution).unwrap_or(never));

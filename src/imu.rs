@@ -14,14 +14,15 @@ mod schema;
 mod timing;
 
 pub use config::{
-    AccelUnit, AxesConfig, CovarianceUse, ImuConfig, RateUnit, ReferenceConfig, SecondaryConfig, SecondaryModel,
-    TemperatureConfig, TemperatureUnit, VectorConfig, VectorPath,
+    AccelUnit, AxesConfig, CovarianceUse, HeadingConfig, HeadingUnit, ImuConfig, RateUnit, ReferenceConfig,
+    SecondaryConfig, SecondaryModel, TemperatureConfig, TemperatureUnit, VectorConfig, VectorPath,
 };
 pub use decode::Decoder;
 pub use decode::malformed::Malformed;
 pub use intake::{Intake, MissingTopic};
 pub use mapping::channel_role::{ChannelRole, VectorUse};
 pub use mapping::first_readings::{FirstReadings, Relation};
+pub use mapping::heading::Heading;
 pub use mapping::position::Position;
 pub use mapping::refusal::{Cause, Notice, RefusalCount};
 pub use mapping::registry::{Imu, Triad};

@@ -7,7 +7,9 @@
 
 mod declared;
 mod evidence;
+mod heading;
 mod history;
+mod known_rotation;
 mod leg;
 mod piece;
 mod prediction;
@@ -20,7 +22,9 @@ mod whole_turn;
 
 pub use declared::{Contradiction, contradiction};
 pub use evidence::{Explanation, SeenTurn, angle_between, explain};
+pub use heading::{heading_excess, heading_seen, level_axis};
 pub use history::{History, Passage};
+pub use known_rotation::KnownRotation;
 pub use leg::{Leg, Turn, Unusable};
 pub use piece::{Candidate, Piece};
 pub use prediction::{Ends, Followed, Motion, Prediction, Vertical, follow, motion, predict, vertical};

@@ -76,6 +76,7 @@ fn turn(said: &Turn) -> Value {
         "vertical": said.vertical,
         "declared": said.declared,
         "declared_residual": said.declared_residual,
+        "declared_std": said.declared_std,
     })
 }
 

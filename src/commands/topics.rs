@@ -39,16 +39,19 @@ fn machine(channels: &Channels) -> Value {
             "encoding": used.channel.message_encoding,
             "messages": used.messages,
             "hz": channels.rate(used),
-            "used": matches!(
-                used.verdict,
-                ChannelRole::Used(_) | ChannelRole::Temperature { .. } | ChannelRole::Position
-            ),
+            "used": is_used(&used.verdict),
             "verdict": used.verdict.to_string(),
             "remarks": used.remarks,
             "configuration": used.configuration.as_ref().map(ImuConfig::lines),
         })
     };
     json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
+}
+
+/// Whether something is read from a channel.
+fn is_used(role: &ChannelRole) -> bool {
+    let beside = matches!(role, ChannelRole::Temperature { .. } | ChannelRole::Heading { .. } | ChannelRole::Position);
+    beside || matches!(role, ChannelRole::Used(_))
 }
 
 /// Topics that are shown whatever they are.
@@ -74,10 +77,8 @@ fn people(channels: &Channels) -> String {
             further += 1;
             continue;
         }
-        let verdict = match used.verdict {
-            ChannelRole::Used(_) | ChannelRole::Temperature { .. } | ChannelRole::Position => {
-                style(said(&used.verdict.to_string())).green()
-            }
+        let verdict = match &used.verdict {
+            _ if is_used(&used.verdict) => style(said(&used.verdict.to_string())).green(),
             ChannelRole::Skipped(_) => style(said(&used.verdict.to_string())).yellow(),
             _ => style(said(&used.verdict.to_string())).dim(),
         };

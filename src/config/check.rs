@@ -147,6 +147,7 @@ fn fit(fit: &fit::Config) -> Result<(), Fault> {
     not_above("fit.max_tilt_deg", fit.max_tilt_deg, 45.0)?;
     positive("fit.half_life_s", fit.half_life_s.unwrap_or(1.0))?;
     rotations(&fit.rotations)?;
+    fit.heading.as_ref().map_or(Ok(()), heading)?;
     fixture(&fit.fixture)?;
     for (name, bound) in fit.bounds.named() {
         (0..3).try_for_each(|axis| bounds(&format!("fit.bounds.{name}"), bound.of(axis)))?;
@@ -211,6 +212,15 @@ fn rotations(rotations: &[fit::RotationConfig]) -> Result<(), Fault> {
         }
     }
     Ok(())
+}
+
+fn heading(heading: &imu::HeadingConfig) -> Result<(), Fault> {
+    topic("fit.heading.topic", &heading.topic)?;
+    if heading.path.as_ref().is_some_and(|path| path.to_string().contains('*')) {
+        return fault("fit.heading.path", "must lead to one heading, not to each of a list");
+    }
+    positive("fit.heading.std_deg", heading.std_deg)?;
+    not_above("fit.heading.std_deg", heading.std_deg, 20.0)
 }
 
 fn place(fit: &fit::Config) -> Result<(), Fault> {

@@ -304,6 +304,15 @@ pub(super) fn coarse(step: f64) -> String {
     format!("the noise is below half a step of {step:.4} m/s²: rounding may bias every mean, which is in the bars")
 }
 
+/// Note that turns about the vertical leave the rest of a gyroscope's sensitivity open. Beside an accelerometer that is
+/// calibrated, the fit to the turns says it.
+pub(super) fn one_scale(solution: &Solution) -> Option<String> {
+    let alone = solution.turning.is_none() && !solution.partial.gyroscope.is_empty();
+    let text =
+        "turns about the vertical show one scale alone: for all of its sensitivity, turn it over, from face to face";
+    alone.then(|| text.to_owned())
+}
+
 /// Note on the gravity assumed, and its effect on the scale.
 pub(super) fn assumed_gravity(gravity: Gravity) -> String {
     let how = match gravity.source {

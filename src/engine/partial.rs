@@ -1,4 +1,4 @@
-//! Partial knowledge of accelerometers that are not determined.
+//! Partial knowledge of triads that are not determined.
 
 use super::refusal::Refusal;
 use crate::messages::Combination;
@@ -10,11 +10,13 @@ pub(super) struct Partial {
     pub(super) accelerometer: Result<Vec<Combination>, Refusal>,
     /// Combinations of the secondary ones.
     pub(super) secondary: Vec<Vec<Combination>>,
+    /// Combinations of the gyroscope: its scale about the vertical.
+    pub(super) gyroscope: Vec<Combination>,
 }
 
 impl Partial {
     /// Nothing is known.
     pub(super) fn nothing() -> Self {
-        Self { accelerometer: Ok(Vec::new()), secondary: Vec::new() }
+        Self { accelerometer: Ok(Vec::new()), secondary: Vec::new(), gyroscope: Vec::new() }
     }
 }

@@ -1,4 +1,5 @@
-//! Partial knowledge of accelerometers: what the rests determine while they do not determine all of one.
+//! Partial knowledge: what the rests determine of an accelerometer, and turns of a gyroscope, while they do not determine all
+//! of it.
 
 use nalgebra::Vector3;
 
@@ -12,6 +13,7 @@ use super::refusal::Refusal;
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::Solution;
+use super::vertical_scales;
 use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::partial::{self, Disagreement, Shown};
 use crate::fit::secondary::Pair;
@@ -30,7 +32,7 @@ const HALF: f64 = 1.96;
 /// against each other by two degrees.
 const MOUNTED: f64 = 0.035;
 
-/// Learns from rests with their verdicts, beside a solution that lacks an accelerometer.
+/// Learns from rests with their verdicts, beside a solution that lacks an accelerometer, or the gyroscope's sensitivity.
 pub(super) fn learn(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
@@ -40,7 +42,8 @@ pub(super) fn learn(
 ) -> Partial {
     let session = PartialSession { entries, judge, givens, solution };
     let secondary = config.secondary.iter().enumerate().map(|(i, secondary)| session.secondary(i, secondary));
-    Partial { accelerometer: session.primary(), secondary: secondary.collect() }
+    let gyroscope = vertical_scales::learn(entries, judge, givens, solution);
+    Partial { accelerometer: session.primary(), secondary: secondary.collect(), gyroscope }
 }
 
 struct PartialSession<'a> {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
 use crate::messages::{self, turn::Reason};
-use crate::turns::Piece;
+use crate::turns::{KnownRotation, Piece};
 
 /// Turn between two rests that were found before, in any recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,9 +22,24 @@ pub struct PastTurn {
     pub path: f64,
     /// Variance of its angle about an axis from motion faster than the samples, rad².
     pub roughness: f64,
-    /// Rotation about the vertical that it was declared to be, counterclockwise seen from above, rad.
+    /// Rotation about the vertical that it was known to be, counterclockwise seen from above, rad.
     #[serde(default)]
     pub declared: Option<f64>,
+    /// Standard deviation of that, if a heading reference showed it, rad.
+    #[serde(default)]
+    pub declared_std: Option<f64>,
+}
+
+impl PastTurn {
+    /// Rotation about the vertical that it was known to be.
+    pub fn known(&self) -> Option<KnownRotation> {
+        let angle = self.declared?;
+        Some(match self.declared_std {
+            // It holds the errors of the heading at both rests.
+            Some(std) => KnownRotation::of_heading(angle, std / std::f64::consts::SQRT_2),
+            None => KnownRotation::declared(angle),
+        })
+    }
 }
 
 /// Turn of a message; `None` if the gyroscope did not follow it whole, or its values are no integrals of rates. Whether
@@ -64,5 +79,8 @@ pub fn turn_of(turn: &messages::Turn) -> Option<PastTurn> {
         && (0.0..=LASTING).contains(&seconds)
         && [path, roughness].iter().all(|value| (0.0..=LARGEST).contains(value));
     let declared = turn.declared.filter(|declared| declared.abs() <= LARGEST);
-    sound.then_some(PastTurn { start, end, pieces, seconds, path, roughness, declared })
+    let declared_std = turn.declared_std.filter(|std| *std > 0.0 && *std <= LARGEST);
+    // A number that is no deviation makes no declaration.
+    let declared = declared.filter(|_| turn.declared_std.is_none() || declared_std.is_some());
+    sound.then_some(PastTurn { start, end, pieces, seconds, path, roughness, declared, declared_std })
 }

@@ -193,8 +193,9 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let warmth = solution.warmth.as_ref().map(|warmth| &warmth.gyroscope);
     let warm = warmth.map(|course| temperature::note(course, false));
     let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed);
-    let notes = notes.chain(warm).collect();
+    let notes = notes.chain(warm).chain(guidance::one_scale(solution)).collect();
     let named = Triad { temperature: warmth.and_then(|course| course.as_ref().ok()).map(temperature::model), ..named };
+    let known = &solution.partial.gyroscope;
     let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     match (by_turns, &solution.gyro_at_rest) {
         (Some(turns), Some(bias)) if fit.shape != bias.shape => {
@@ -211,7 +212,7 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
                 ..triad
             }
         }
-        _ => Triad { status: at_rest.into(), notes, ..estimated(named, fit) },
+        _ => Triad { status: at_rest.into(), notes, combinations: known.clone(), ..estimated(named, fit) },
     }
 }
 

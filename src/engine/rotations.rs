@@ -1,20 +1,36 @@
-//! Rotations about the vertical that are declared by their times: which turn each means, and what speaks against it.
+//! Rotations about the vertical that are known, declared by their times or by a heading reference: which turn each means.
 
+use super::headings::HeadingChanges;
 use crate::Stamp;
 use crate::fit::RotationConfig;
-use crate::turns::Turn;
+use crate::turns::{KnownRotation, Turn};
 
-/// Declared rotations.
+/// Known rotations.
 #[derive(Clone, Copy)]
 pub(super) struct Rotations<'a> {
     pub(super) declared: &'a [RotationConfig],
     /// First reading, which their times count from.
     pub(super) first: Stamp,
+    /// Heading reference, if there is one that is believed.
+    pub(super) heading: Option<HeadingChanges<'a>>,
 }
 
 impl Rotations<'_> {
-    /// Rotation that a turn is declared to be, rad; `all` are the turns between neighbouring accepted rests.
-    pub(super) fn of(&self, turn: &Turn<'_>, all: &[Turn<'_>]) -> Option<f64> {
+    /// Rotation that a turn is known to be; `all` are the turns between neighbouring accepted rests. A declaration counts
+    /// more than a heading.
+    pub(super) fn of<'t, T: AsRef<[Turn<'t>]>>(
+        &self,
+        turn: &Turn<'t>,
+        all: impl FnOnce() -> T,
+    ) -> Option<KnownRotation> {
+        // All turns are gone through only where one is meant: there are messages of thousands.
+        let is_meant = self.declared.iter().any(|rotation| self.means(rotation, turn));
+        let declared = is_meant.then(|| self.declared_of(turn, all().as_ref())).flatten();
+        declared.map(KnownRotation::declared).or_else(|| self.heading?.of(turn))
+    }
+
+    /// Rotation that a turn is declared to be, rad.
+    fn declared_of(&self, turn: &Turn<'_>, all: &[Turn<'_>]) -> Option<f64> {
         let mut meant = self.declared.iter().filter(|rotation| self.means(rotation, turn));
         let rotation = meant.next()?;
         let alone = all.iter().filter(|other| self.means(rotation, other)).count() == 1;

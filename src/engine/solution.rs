@@ -2,6 +2,7 @@
 
 use super::drift::Drift;
 use super::fault::Fault;
+use super::heading_doubt::HeadingDoubt;
 use super::partial::Partial;
 use super::refusal::Refusal;
 use super::turn_outcome::Turning;
@@ -54,8 +55,10 @@ pub(super) struct Solution {
     pub(super) drift: Option<Drift>,
     /// Dependence of the biases on the temperature, if the rests have one.
     pub(super) warmth: Option<Warmth>,
-    /// Partial knowledge of accelerometers that are not determined.
+    /// Partial knowledge of triads that are not determined.
     pub(super) partial: Partial,
+    /// Reason why no turn uses the heading reference.
+    pub(super) heading_doubt: Option<HeadingDoubt>,
     /// Missing data of the accelerometer, if it is not determined.
     pub(super) missing: Missing,
     /// Time for which the sensor must be held still for a rest to count, s.

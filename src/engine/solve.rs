@@ -201,6 +201,7 @@ fn others(
         drift,
         warmth: None,
         partial: Partial::nothing(),
+        heading_doubt: None,
         gyro_placements: rates.len(),
         gyro_relaxed: entries
             .iter()

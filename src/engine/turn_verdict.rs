@@ -15,7 +15,7 @@ use crate::Stamp;
 use crate::fit::Calibration;
 use crate::messages::{self, turn::Reason};
 use crate::still::Rest;
-use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, motion, predict};
+use crate::turns::{Candidate, Ends, History, Motion, Piece, Turn, Unusable, level_axis, motion, predict};
 
 /// Verdict on a turn, identified by the rests at its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +25,8 @@ pub(super) struct TurnVerdict {
     pub(super) used: bool,
     pub(super) reason: Reason,
     pub(super) explanation: String,
+    /// Whether its heading counts.
+    pub(super) heading: bool,
 }
 
 /// Verdicts last published, by the start of the rest before the turn.
@@ -40,7 +42,10 @@ impl TurnsTold {
         for (from, (turn, verdict)) in verdicts {
             let told = self.0.get(&from);
             let same = |told: &TurnVerdict| {
-                told.to == verdict.to && told.used == verdict.used && told.reason == verdict.reason
+                told.to == verdict.to
+                    && told.used == verdict.used
+                    && told.reason == verdict.reason
+                    && told.heading == verdict.heading
             };
             // The loss of its pieces is no verdict on a turn.
             let forgotten =
@@ -76,26 +81,34 @@ impl<'a> View<'a> {
         let mut verdicts = BTreeMap::new();
         for turn in self.turns.turns(|_| true) {
             let explanation = "a rest at one of its ends was not accepted".to_owned();
-            let unrest = TurnVerdict { to: turn.to, used: false, reason: Reason::Unrest, explanation };
+            let (to, heading) = (turn.to, false);
+            let unrest = TurnVerdict { to, used: false, reason: Reason::Unrest, explanation, heading };
             verdicts.insert(turn.from, (turn, unrest));
         }
         let mut place = 0;
         for turn in self.believed() {
-            let verdict = self.verdict(&turn, &mut place);
+            let heading = self.rotations.heading.is_some_and(|heading| heading.of(&turn).is_some());
+            let verdict = TurnVerdict { heading, ..self.verdict(&turn, &mut place) };
             verdicts.insert(turn.from, (turn, verdict));
         }
         verdicts
     }
 
-    /// Rotation that a turn is declared to be by its time, rad.
-    fn by_time(&self, turn: &Turn<'_>) -> Option<f64> {
-        // All turns are gone through only where one is meant: there are messages of thousands.
-        let is_meant = self.rotations.declared.iter().any(|rotation| self.rotations.means(rotation, turn));
-        is_meant.then(|| self.rotations.of(turn, &self.believed()))?
+    /// Statement on the rotation of a turn between accepted rests about the vertical, and the axis of the body that is
+    /// vertical while it is level.
+    pub(super) fn declaration(&self, turn: &Turn<'_>, pieces: &[Piece], ends: &Ends) -> (Declaration, Vector3<f64>) {
+        let known = self.rotations.of(turn, || self.believed());
+        let level = match known {
+            Some(known) if known.heading_std.is_some() => {
+                level_axis(&ends.up[0], self.entries.iter().map(|entry| self.up(&entry.rest)))
+            }
+            _ => ends.up[0],
+        };
+        (Declaration::of(pieces, ends, known, &level, self.whole_turns), level)
     }
 
     /// Turns between neighbouring accepted rests.
-    fn believed(&self) -> Vec<Turn<'a>> {
+    pub(super) fn believed(&self) -> Vec<Turn<'a>> {
         let tells = |entry: &&JudgedRest| observations::tells_of_rates(entry, self.noise);
         // After a clock was set back they are not in order.
         let believed: BTreeSet<Stamp> = self.entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
@@ -109,6 +122,7 @@ impl<'a> View<'a> {
             used: false,
             reason,
             explanation: explanation.to_owned(),
+            heading: false,
         };
         if let Some(why) = turn.unusable(self.range) {
             let reason = match why {
@@ -131,7 +145,7 @@ impl<'a> View<'a> {
             Some(Ok(found)) if found.left_out == Some(at) => {
                 not(Reason::Outlier, "contradicts the other turns: was the sensor held in the hand at one of its ends?")
             }
-            Some(Ok(_)) => TurnVerdict { to: turn.to, used: true, reason: Reason::Used, explanation: String::new() },
+            Some(Ok(_)) => TurnVerdict { used: true, ..not(Reason::Used, "") },
             Some(Err(why)) => not(Reason::Used, &format!("nothing speaks against it, but {why}")),
             None => not(Reason::Used, "nothing speaks against it, but the gyroscope is not calibrated"),
         }
@@ -143,11 +157,12 @@ impl<'a> View<'a> {
         let whole = turn.unusable(None).is_none() && turn.resolves(1.0);
         let ends = self.ends(turn).filter(|_| whole);
         let followed = ends.as_ref().map(|ends| follow(&pieces, gyroscope.as_ref(), ends));
-        let declaration = match ends.filter(|_| verdict.reason != Reason::Unrest) {
-            Some(ends) => Declaration::of(&pieces, &ends, self.by_time(turn), self.whole_turns),
-            None => Declaration::Nothing,
+        let (declaration, level) = match ends.filter(|_| verdict.reason != Reason::Unrest) {
+            Some(ends) => self.declaration(turn, &pieces, &ends),
+            None => (Declaration::Nothing, Vector3::z()),
         };
-        let declared = declaration.angle();
+        let known = declaration.known();
+        let about_vertical = known.zip(ends).map(|(known, ends)| known.about_vertical(&pieces, &ends, &level).angle);
         let (start, end) = turn.span();
         let motion = followed.as_ref().map(|(motion, _)| motion);
         let placement = |start| self.rest(start).map_or(0, |rest| rest.placement);
@@ -168,8 +183,9 @@ impl<'a> View<'a> {
             axis: motion.map(|motion| vector(&motion.axis)),
             path: turn.path(),
             vertical: motion.map(|motion| motion.vertical),
-            declared,
-            declared_residual: declared.zip(motion).map(|(declared, motion)| motion.vertical - declared),
+            declared: known.map(|known| known.angle),
+            declared_residual: about_vertical.zip(motion).map(|(known, motion)| motion.vertical - known),
+            declared_std: known.filter(|known| known.heading_std.is_some()).map(|known| known.std()),
             before: placement(turn.from),
             after: placement(turn.to),
             seconds: turn.seconds(),
@@ -180,29 +196,28 @@ impl<'a> View<'a> {
 
     /// The rests at the ends of a turn, as the calibration in force, or the guess, sees them.
     pub(super) fn ends(&self, turn: &Turn<'_>) -> Option<Ends> {
+        let rests = [self.rest(turn.from)?, self.rest(turn.to)?];
+        let up = rests.map(|rest| self.up(rest));
+        let rate = rests.map(|rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean));
+        Some(Ends { up, rate, by_up: Matrix3::zeros() })
+    }
+
+    /// Direction of specific force at a rest, unit vector, as the calibration in force, or the guess, sees it.
+    fn up(&self, rest: &Rest) -> Vector3<f64> {
         let accelerometer = match &self.solution.accelerometer {
             Ok(fit) => fit.calibration(),
             Err(_) => self.solution.guessed,
         };
-        let rests = [self.rest(turn.from)?, self.rest(turn.to)?];
-        let warmth = |rest: &Rest| {
-            let warmth = self.solution.warmth.as_ref();
-            warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature))
-        };
-        let up = rests.map(|rest| up(&accelerometer, &(rest.accelerometer.mean - warmth(rest))));
-        let rate = rests.map(|rest| rest.gyroscope.as_ref().map_or(Vector3::zeros(), |mean| mean.mean));
-        Some(Ends { up, rate, by_up: Matrix3::zeros() })
+        let warmth = self.solution.warmth.as_ref();
+        let warmth = warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature));
+        let force = accelerometer.correct(&(rest.accelerometer.mean - warmth));
+        force.try_normalize(f64::MIN_POSITIVE).unwrap_or(Vector3::z())
     }
 
     /// Rest that starts then.
     fn rest(&self, start: Stamp) -> Option<&Rest> {
         self.entries.iter().find(|entry| entry.rest.start == start).map(|entry| &entry.rest)
     }
-}
-
-/// Direction of specific force, unit vector.
-fn up(accelerometer: &Calibration, force: &Vector3<f64>) -> Vector3<f64> {
-    accelerometer.correct(force).try_normalize(f64::MIN_POSITIVE).unwrap_or(Vector3::z())
 }
 
 /// Motion of a turn, and the angle between gravity as predicted and as measured after it.

@@ -13,7 +13,7 @@ use super::turn_outcome::Turning;
 use crate::Stamp;
 use crate::fit::accelerometer::{Observation, fit_with};
 use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnFit, TurnSeen, TurnSession};
-use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation};
+use crate::fit::{Calibration, Estimate, Estimator, Loss, Model, Parameterisation};
 use crate::still::TriadMean;
 use crate::turns::Unusable;
 
@@ -43,6 +43,18 @@ pub(super) fn fit(
     let found = estimate.and_then(|found| if within(&found) { Ok(found) } else { Err(TooLittle::Unsolved) });
     let courses = bias_courses.map(|courses| (first, courses));
     Some(Turning { found, unusable, courses, completed: false })
+}
+
+/// Rests and the turns between them, with what is known of their rotations about the vertical.
+pub(super) fn declared_session(
+    entries: &[JudgedRest],
+    judge: &Judge<'_>,
+    givens: &Givens<'_>,
+    accelerometer: &Calibration,
+) -> TurnSession {
+    let (_, mut session, _) = session(givens, entries, observations::gyroscope_noise(judge.segmenter));
+    session.declare(accelerometer, judge.fit.whole_turns);
+    session
 }
 
 /// Least scatter of placements, m/s².
@@ -151,7 +163,7 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, T
             seconds: turn.seconds(),
             path: turn.path(),
             roughness: turn.roughness(),
-            declared: givens.rotations.of(turn, &between),
+            known: givens.rotations.of(turn, || &between),
         });
     }
     for turn in givens.past_turns {

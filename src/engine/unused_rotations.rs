@@ -1,7 +1,10 @@
-//! Rotations that are declared by their times and are of no use, and why.
+//! Declared rotations and headings that are of no use, and why.
 
+use super::declaration::Declaration;
+use super::headings::Headings;
 use super::turn_verdict::View;
 use crate::fit::RotationConfig;
+use crate::imu::HeadingConfig;
 use crate::messages::turn::Reason;
 use crate::turns::{Candidate, Turn, contradiction, motion};
 
@@ -16,6 +19,51 @@ impl View<'_> {
             Some(format!("{declared}, which is not used: {why}"))
         };
         self.rotations.declared.iter().filter_map(why_not).collect()
+    }
+
+    /// Text on headings that are of no use: all of them, or those of some turns. Where there are none, whoever reads the topic
+    /// knows why.
+    pub(super) fn unused_headings(&self, headings: &Headings, config: &HeadingConfig) -> Option<String> {
+        if headings.are_none() {
+            return None;
+        }
+        let why = headings.why_none().or_else(|| self.solution.heading_doubt.as_ref().map(|doubt| doubt.text(config)));
+        match why {
+            Some(why) => Some(format!("fit.heading: {} is not used: it {why}", config.topic)),
+            None => self.unused_of_turns().map(|text| format!("fit.heading: {} {text}", config.topic)),
+        }
+    }
+
+    /// Text on the turns that go without their heading, or on there being none with one.
+    fn unused_of_turns(&self) -> Option<String> {
+        let believed = self.believed();
+        let all: Vec<_> = believed.iter().filter_map(|turn| self.contradicted(turn)).collect();
+        if all.is_empty() {
+            let unusable = |turn| Some(format!("{}: {}", self.told(turn), turn.unusable(self.range)?));
+            return Some(match believed.iter().find_map(unusable) {
+                Some(why) => format!("shows no turn that can be used; the first, {why}"),
+                None => "shows no turn between two accepted rests: stop for three seconds and longer, turn, and stop \
+                         again"
+                    .to_owned(),
+            });
+        }
+        let mut wrong = all.iter().flatten();
+        let (first, count) = (wrong.next()?, all.iter().flatten().count());
+        Some(format!("contradicts {count} of {} turns, which go without it; the first: {first}", all.len()))
+    }
+
+    /// Text on a turn whose heading contradicts it, if it has one; empty if it does not.
+    fn contradicted(&self, turn: &Turn<'_>) -> Option<Option<String>> {
+        let pieces = turn.pieces();
+        let ends = self.ends(turn).filter(|_| turn.unusable(None).is_none() && turn.resolves(1.0))?;
+        match self.declaration(turn, &pieces, &ends).0 {
+            Declaration::Known(known) if known.heading_std.is_some() => Some(None),
+            Declaration::Contradicted(known, _) if known.heading_std.is_some() => {
+                let angle = known.angle.to_degrees();
+                Some(Some(format!("{angle:.1}° by its heading from {}", self.told(turn))))
+            }
+            _ => None,
+        }
     }
 
     fn why_unused(&self, rotation: &RotationConfig) -> Option<String> {

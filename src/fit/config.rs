@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::bound::Bounds;
 use super::gravity::EarthLocation;
 use super::temperature::TemperatureFit;
+use crate::imu::HeadingConfig;
 
 /// Settings of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,6 +47,9 @@ pub struct Config {
     /// Rotations about the vertical that are known, ± 0.5°.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rotations: Vec<RotationConfig>,
+    /// Reference of heading, whose changes are rotations about the vertical.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading: Option<HeadingConfig>,
     /// Dependence of the biases on the temperature.
     #[serde(skip_serializing_if = "TemperatureFit::is_auto")]
     pub temperature: TemperatureFit,
@@ -78,6 +82,7 @@ impl Default for Config {
             max_error: 0.1,
             whole_turns: false,
             rotations: Vec::new(),
+            heading: None,
             temperature: TemperatureFit::Auto,
             loss: Loss::Square,
             refit: Refit::Segment,

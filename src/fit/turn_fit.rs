@@ -13,10 +13,13 @@ mod bias_courses;
 mod equations;
 mod g_sensitivity;
 mod information;
+mod inverse_errors;
 mod session;
 mod solution;
 mod too_little;
 mod turn_estimate;
+mod vertical_equation;
+mod vertical_scale;
 
 use nalgebra::Matrix3;
 
@@ -30,6 +33,7 @@ use self::solution::TurnSolution;
 use self::too_little::LEAST_TURNS;
 pub use self::too_little::TooLittle;
 pub use self::turn_estimate::TurnEstimate;
+pub use self::vertical_scale::{VerticalScale, vertical_scales};
 use super::estimate::Estimate;
 
 /// Fewest turns that are compared with the rests at their ends.
@@ -65,7 +69,7 @@ fn solve(session: &TurnSession, accelerometer: &Estimate, placement_std: f64) ->
     let turned = turned.count();
     let too_few = (turned < LEAST_TURNS).then(|| match session.turns.len() {
         all if all >= LEAST_TURNS => {
-            TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.declared.is_some()) }
+            TooLittle::AboutVertical { turned, all, declared: session.turns.iter().any(|turn| turn.known.is_some()) }
         }
         _ => TooLittle::Few { turned },
     });

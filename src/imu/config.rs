@@ -1,6 +1,7 @@
 //! The `[[imu]]` tables of the configuration: the topics and fields that form an IMU.
 
 mod axes;
+mod heading;
 mod temperature;
 
 use std::fmt;
@@ -11,6 +12,7 @@ use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize as DeserializeDerive, Serialize};
 
 pub use self::axes::AxesConfig;
+pub use self::heading::{HeadingConfig, HeadingUnit};
 pub use self::temperature::{TemperatureConfig, TemperatureUnit};
 use crate::imu::preset::Preset;
 use crate::imu::schema::path::FieldPath;

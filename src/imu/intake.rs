@@ -7,8 +7,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::Stamp;
-use crate::imu::config::ImuConfig;
+use crate::imu::config::{HeadingConfig, ImuConfig};
 use crate::imu::mapping::channel_role::ChannelRole;
+use crate::imu::mapping::heading::{Heading, HeadingSearch};
 use crate::imu::mapping::known_types::{KnownType, known};
 use crate::imu::mapping::paired_topics::{PairedTopic, Side};
 use crate::imu::mapping::position::{Position, PositionSearch};
@@ -44,6 +45,7 @@ pub struct Intake {
     imus: Vec<Imu>,
     notices: Vec<Notice>,
     fixes: PositionSearch,
+    headings: HeadingSearch,
     /// Temperatures of the last messages, °C, until they are taken.
     #[serde(skip)]
     temperatures: Vec<(ImuId, f64)>,
@@ -81,6 +83,7 @@ impl Intake {
             imus: Vec::new(),
             notices: Vec::new(),
             fixes: PositionSearch::default(),
+            headings: HeadingSearch::default(),
             temperatures: Vec::new(),
             warmth: BTreeMap::new(),
         };
@@ -111,6 +114,11 @@ impl Intake {
         Self { fixes: PositionSearch::new(topic), ..self }
     }
 
+    /// Reads headings from the topic of this reference.
+    pub fn with_heading(self, heading: Option<HeadingConfig>) -> Self {
+        Self { headings: HeadingSearch::new(heading), ..self }
+    }
+
     /// Adds a channel and returns its role, as far as it is known. Repeating a channel changes nothing.
     pub fn channel(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> &ChannelRole {
         if !self.verdicts.contains_key(&channel.id) {
@@ -136,7 +144,10 @@ impl Intake {
 
     /// Whether messages of this channel are needed.
     pub fn wants(&self, channel_id: u16) -> bool {
-        self.routes.contains_key(&channel_id) || self.untold.contains_key(&channel_id) || self.fixes.wants(channel_id)
+        self.routes.contains_key(&channel_id)
+            || self.untold.contains_key(&channel_id)
+            || self.fixes.wants(channel_id)
+            || self.headings.wants(channel_id)
     }
 
     /// Whether an IMU has its sensors on several channels, or a gyroscope on another one may yet appear.
@@ -176,6 +187,21 @@ impl Intake {
     /// Adds a message. Returns the position of the recording, if this message is the first with a valid one.
     pub fn fix(&mut self, channel_id: u16, data: &[u8]) -> Option<Position> {
         self.fixes.message(channel_id, data)
+    }
+
+    /// Heading in a message, if it is one of the heading reference.
+    pub fn heading(&mut self, channel_id: u16, log_time: u64, data: &[u8]) -> Option<Heading> {
+        self.headings.message(channel_id, log_time, data)
+    }
+
+    /// Reason why a topic that an IMU is read from is no heading reference.
+    pub fn heading_fault(&self) -> Option<String> {
+        self.headings.fault()
+    }
+
+    /// Note that no message of the heading reference had a heading, once all are read.
+    pub fn heading_unread(&self) -> Option<String> {
+        self.headings.unread()
     }
 
     /// Adds a message and passes its readings to `sink`. Those of the accelerometer come last, since they trigger the
@@ -380,6 +406,7 @@ impl Intake {
         let missing: BTreeSet<_> = configured
             .flat_map(Source::topics)
             .chain(self.fixes.topic())
+            .chain(self.headings.topic())
             .filter(|&t| !self.topics.contains(t))
             .collect();
         let nearest = |topic: &str| nearest(topic, self.topics.iter().cloned());
@@ -402,6 +429,23 @@ impl Intake {
             Ok(false) => {}
             Err(error) => return ChannelRole::Skipped(error.to_string()),
         }
+        // A message may hold a heading and be that of an IMU.
+        let heading = self.headings.channel(channel_id, topic, layout);
+        match (heading, self.judge_readings(channel_id, topic, layout)) {
+            (Ok(Some(path)), ChannelRole::Other { .. }) => ChannelRole::Heading { path },
+            // That it is no IMU is no fault, unless it was meant to be one.
+            (Ok(Some(path)), ChannelRole::Skipped(_)) if !self.is_mentioned(topic) => ChannelRole::Heading { path },
+            (Err(error), ChannelRole::Other { .. }) => ChannelRole::Skipped(error.to_string()),
+            (Err(error), role) => {
+                self.headings.refuse(&error);
+                role
+            }
+            (Ok(_), role) => role,
+        }
+    }
+
+    /// Role of a channel by what an IMU reads from it.
+    fn judge_readings(&mut self, channel_id: u16, topic: &str, layout: &Layout) -> ChannelRole {
         let known = known(layout);
         let imus: Vec<_> = known.iter().filter(|known| known.imu).collect();
         let by_itself = !self.is_mentioned(topic);

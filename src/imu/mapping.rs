@@ -4,6 +4,7 @@ pub(super) mod axes;
 pub(super) mod batch;
 pub(super) mod channel_role;
 pub(super) mod first_readings;
+pub(super) mod heading;
 pub(super) mod known_types;
 pub(super) mod paired_topics;
 pub(super) mod position;

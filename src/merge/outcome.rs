@@ -155,7 +155,7 @@ impl<'a> Story<'a> {
             let [(from, before), (to, after)] = [place(&rests[0])?, place(&rests[1])?];
             let slower = -(self.faster(then, before) + self.faster(then, after)) / 2.0;
             Some(TurnSeen {
-                declared: motion.declared,
+                known: motion.known(),
                 rests: [from, to],
                 pieces: motion.pieces.iter().map(|piece| piece.without(&slower)).collect(),
                 seconds: motion.seconds,

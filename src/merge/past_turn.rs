@@ -44,14 +44,15 @@ impl PastTurn {
 
     /// Every number of the motion.
     fn numbers(&self) -> impl Iterator<Item = f64> {
-        let Motion { pieces, seconds, path, roughness, declared, .. } = &self.motion;
+        let Motion { pieces, seconds, path, roughness, declared, declared_std, .. } = &self.motion;
         let pieces = pieces.iter().flat_map(|piece| {
             [piece.angle, piece.coning, piece.moment]
                 .into_iter()
                 .flat_map(Into::<[f64; 3]>::into)
                 .chain([piece.seconds])
         });
-        [*path, *seconds, *roughness, declared.unwrap_or_default()].into_iter().chain(pieces)
+        let known = [declared, declared_std].map(|number| number.unwrap_or_default());
+        [*path, *seconds, *roughness].into_iter().chain(known).chain(pieces)
     }
 }
 

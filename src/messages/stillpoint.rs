@@ -271,10 +271,11 @@ pub struct Turn {
     /// angle turned through, back and forth counted alike
     #[prost(double, tag = "10")]
     pub path: f64,
-    /// Rotation about the vertical with its sign, whole turns counted. Nothing but a declaration says what it truly was.
+    /// Rotation about the vertical with its sign, whole turns counted. Nothing but a declaration, or a heading reference, says
+    /// what it truly was.
     #[prost(double, optional, tag = "11")]
     pub vertical: ::core::option::Option<f64>,
-    /// what the rotation about the vertical was declared to be
+    /// what it was declared to be, or how far a heading reference turned
     #[prost(double, optional, tag = "12")]
     pub declared: ::core::option::Option<f64>,
     /// what remains of it
@@ -294,6 +295,9 @@ pub struct Turn {
     pub roughness: f64,
     #[prost(double, repeated, tag = "18")]
     pub integrals: ::prost::alloc::vec::Vec<f64>,
+    /// of `declared`, where a heading reference shows it; a declaration counts as exact to 0.5 deg
+    #[prost(double, optional, tag = "19")]
+    pub declared_std: ::core::option::Option<f64>,
 }
 /// Nested message and enum types in `Turn`.
 pub mod turn {
@@ -571,7 +575,8 @@ pub struct Triad {
     pub noise: ::prost::alloc::vec::Vec<AxisNoise>,
     #[prost(message, optional, tag = "27")]
     pub temperature: ::core::option::Option<TemperatureModel>,
-    /// while UNDETERMINED: what the rests determine nevertheless
+    /// What is determined while not all of it is: of an accelerometer while UNDETERMINED, of a gyroscope its scale about the
+    /// vertical while it has no S.
     #[prost(message, repeated, tag = "28")]
     pub combinations: ::prost::alloc::vec::Vec<Combination>,
 }

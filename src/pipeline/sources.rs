@@ -20,6 +20,7 @@ pub(crate) struct Sources {
 impl Sources {
     pub(crate) fn new(config: &Config) -> Self {
         let intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
+        let intake = intake.with_heading(config.fit.heading.clone());
         Self { table: ChannelTable::default(), intake }
     }
 
@@ -64,13 +65,13 @@ impl Sources {
         ours.map(|entry| entry.channel.topic.as_str())
     }
 
-    /// Topics that the configuration names and the recording lacks so far, one line each.
+    /// Topics that the configuration names and the recording lacks so far, or that are no heading reference, one line each.
     pub(crate) fn missing(&self) -> Vec<String> {
         let line = |missing: MissingTopic| {
             let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
             format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
         };
-        self.intake.missing_topics().into_iter().map(line).collect()
+        self.intake.missing_topics().into_iter().map(line).chain(self.intake.heading_fault()).collect()
     }
 
     /// The same, each with the topics that there are instead.

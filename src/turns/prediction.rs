@@ -172,7 +172,7 @@ pub fn vertical<'a>(pieces: impl Iterator<Item = &'a Piece> + Clone, candidate: 
 }
 
 /// Rotation vectors of the pieces, less the mean rates at the ends, rad.
-fn rotations<'a>(
+pub(super) fn rotations<'a>(
     pieces: impl Iterator<Item = &'a Piece> + Clone,
     candidate: &Candidate,
     ends: &Ends,

@@ -55,12 +55,14 @@ prop_compose! {
         (angle, path, used, reason) in (any::<f64>(), any::<f64>(), any::<bool>(), 0..9),
         (explanation, axis) in (text(), of(vector())),
         (residual, vertical, declared, declared_residual) in any::<(Option<f64>, Option<f64>, Option<f64>, Option<f64>)>(),
+        declared_std in any::<Option<f64>>(),
         (before, after, seconds, roughness) in any::<(u32, u32, f64, f64)>(),
         integrals in numbers(),
     ) -> Turn {
         Turn {
             header, start, end, angle, residual, used, reason, explanation, axis, path, vertical, declared,
             declared_residual, before, after, seconds, roughness, integrals,
+            declared_std,
         }
     }
 }

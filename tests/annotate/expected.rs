@@ -78,6 +78,7 @@ fn turn(m: &Turn) -> Value {
         ("seconds", Value::Float(m.seconds)),
         ("roughness", Value::Float(m.roughness)),
         ("integrals", numbers(&m.integrals)),
+        ("declared_std", number(m.declared_std)),
     ])
 }
 

@@ -56,12 +56,31 @@ pub struct Hand {
     now: f64,
     off: Vector3<f64>,
     pub samples: Vec<(Sensor, Sample)>,
+    /// Stamp and angle of its x axis in the horizontal plane, rad, of each pair of samples, and the number of the rest that
+    /// they belong to; 0 in motion.
+    pub headings: Vec<(Stamp, f64, usize)>,
+    rests: usize,
 }
 
 impl Hand {
     pub fn new(held: Held, seed: u64) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        Self { held, rng, attitude: Rotation3::identity(), now: 1.0, off: Vector3::zeros(), samples: Vec::new() }
+        Self {
+            held,
+            rng,
+            attitude: Rotation3::identity(),
+            now: 1.0,
+            off: Vector3::zeros(),
+            samples: Vec::new(),
+            headings: Vec::new(),
+            rests: 0,
+        }
+    }
+
+    /// The same sensor, turned by a rotation vector before it is read.
+    pub fn mounted(mut self, vector: Vector3<f64>) -> Self {
+        self.attitude *= Rotation3::from_scaled_axis(vector);
+        self
     }
 
     pub fn normal(&mut self) -> Vector3<f64> {
@@ -86,6 +105,9 @@ impl Hand {
         let accel = held.accel_sensitivity * force + held.accel_bias + self.off + self.normal() * held.accel_noise;
         let gyro = held.gyro_sensitivity * (rate + held.gyro_bias + self.normal() * held.gyro_noise)
             + held.g_sensitivity * force / G;
+        let front = attitude * Vector3::x();
+        let rest = if *rate == Vector3::zeros() { self.rests } else { 0 };
+        self.headings.push((stamp, front.y.atan2(front.x), rest));
         self.samples.push((Sensor::Gyroscope, Sample { stamp, log_time, value: gyro }));
         self.samples.push((Sensor::Accelerometer, Sample { stamp, log_time, value: accel }));
         self.now += 1.0 / held.rate_hz;
@@ -93,6 +115,7 @@ impl Hand {
 
     pub fn rest(mut self, seconds: f64) -> Self {
         self.off = self.normal() * self.held.placement;
+        self.rests += 1;
         for _ in 0..(seconds * self.held.rate_hz) as usize {
             self.sample(&self.attitude.clone(), &Vector3::zeros(), 0.0);
         }

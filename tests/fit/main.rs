@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/drives.rs"]
+mod drives;
 #[path = "../common/hand.rs"]
 mod hand;
 #[path = "../common/next_step.rs"]
@@ -14,6 +16,8 @@ mod advice;
 mod bars;
 mod calibration;
 mod gyroscope_faults;
+mod heading_topics;
+mod headings;
 mod models;
 mod movement;
 mod partial;

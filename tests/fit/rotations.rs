@@ -163,6 +163,26 @@ fn rotations_declared_one_by_one_say_what_whole_turns_say() {
     }
 }
 
+#[test]
+fn rotations_on_a_table_show_the_scale_about_the_vertical_and_no_other() {
+    let mut hand = Hand::new(on_table(), 3).rest(3.0);
+    let mut rotations = Vec::new();
+    for turns in [1.0, -1.0, 2.0, -1.5] {
+        let begin = hand.seconds() - 1.0;
+        hand = hand.turn(Vector3::z() * (turns * TAU), 4.0 * f64::abs(turns)).rest(3.0);
+        rotations.push(rotation(begin, hand.seconds() - 1.0, 360.0 * turns));
+    }
+    let two = of(&hand, rotations[..2].to_vec()).gyroscope.unwrap();
+    assert!(two.combinations.is_empty(), "two do not check each other: {two:?}");
+    let gyroscope = of(&hand, rotations).gyroscope.unwrap();
+    assert!(gyroscope.model() == Model::Bias && gyroscope.sensitivity.is_empty(), "{gyroscope:?}");
+    let [known] = gyroscope.combinations.as_slice() else { panic!("{gyroscope:?}") };
+    assert!((known.value - 1.02).abs() < 3.0 * known.std && known.std < 1e-3, "{known:?}");
+    assert_eq!(known.coefficients, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    assert!(known.explanation.starts_with("scale about the vertical (0.00 0.00 1.00 in its axes) = 1.02"), "{known:?}");
+    assert!(gyroscope.notes.iter().any(|note| note.contains("show one scale alone")), "{:?}", gyroscope.notes);
+}
+
 /// The three turns of a real session on a table, against what imucal makes of them.
 #[test]
 fn the_turns_of_a_real_table_are_declared_one_by_one() {

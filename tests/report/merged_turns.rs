@@ -9,7 +9,7 @@ use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use stillpoint::engine::{self, Engine};
 use stillpoint::fit::RotationConfig;
-use stillpoint::imu::Sample;
+use stillpoint::imu::{HeadingConfig, Sample};
 use stillpoint::merge::{Member as _, Merge, PastTurn};
 use stillpoint::messages::Triad;
 use stillpoint::messages::triad::Model;
@@ -36,14 +36,28 @@ fn found(hand: &Hand, day: i64) -> Findings {
 }
 
 fn found_with(hand: &Hand, day: i64, rotations: Vec<RotationConfig>) -> Findings {
+    found_beside(hand, day, rotations, None)
+}
+
+/// The same beside headings, as they are at rest but for an error of this standard deviation, rad.
+fn found_beside(hand: &Hand, day: i64, rotations: Vec<RotationConfig>, heading_std: Option<f64>) -> Findings {
     let mut config = engine::Config { accelerometer: "/imu".to_owned(), ..engine::Config::default() };
     config.gyroscope = "/imu".to_owned();
     config.fit.gravity = Some(hand::G);
     config.fit.rotations = rotations;
+    config.fit.heading = heading_std.map(|std| HeadingConfig {
+        topic: "/odom".to_owned(),
+        std_deg: std.to_degrees(),
+        ..HeadingConfig::default()
+    });
+    let mut random = Hand::new(Held::default(), day as u64);
+    let off: Vec<f64> = (0..100).map(|_| random.normal().x * heading_std.unwrap_or(0.0)).collect();
     let mut engine = Engine::new(config);
     let mut events = Vec::new();
-    for (sensor, sample) in &hand.samples {
+    for (i, (sensor, sample)) in hand.samples.iter().enumerate() {
         let stamp = sample.stamp.plus_nanos(day * DAY);
+        let (_, heading, rest) = hand.headings[i / 2];
+        engine.heading(stamp, heading + off[rest]);
         engine.push(*sensor, &Sample { stamp, log_time: stamp.nanos() as u64, value: sample.value }, &mut events);
     }
     engine.finish(&mut events);
@@ -221,4 +235,29 @@ fn rotations_that_recordings_declare_are_used_in_their_merge() {
     assert_eq!((known, unknown), (12, 0));
     assert_ne!(with.sensitivity, without.sensitivity);
     assert!([0, 4, 8].iter().all(|&k| with.sensitivity_std[k] <= 1.05 * without.sensitivity_std[k]), "{with:?}");
+}
+
+#[test]
+fn headings_of_many_drives_add_up_to_a_sharper_scale_about_the_vertical() {
+    let drive = |day: i64| {
+        let mut hand = Hand::new(Held { wobble: 0.02, ..held() }, 40 + day as u64).rest(4.0);
+        for angle in [1.6, -2.0, 2.4, -1.4, 3.0, -2.6] {
+            let up = hand.up();
+            hand = hand.turn(up * angle, 4.0).rest(3.0);
+        }
+        found_beside(&hand, day, Vec::new(), Some(0.005))
+    };
+    let days: Vec<_> = (0..6).map(drive).collect();
+    let merge = joined(&days);
+    let stds = merge.sensors["/imu"].turns().iter().filter_map(|turn| turn.motion.declared_std);
+    assert_eq!(stds.filter(|std| (std - 0.005 * 2_f64.sqrt()).abs() < 1e-12).count(), 36);
+    let known = |findings: &Findings| match triads(findings)[1].combinations.as_slice() {
+        [known] => known.clone(),
+        other => panic!("{other:?}"),
+    };
+    let merged = known(&only(&merge).findings);
+    assert!((merged.value - held().gyro_sensitivity[(2, 2)]).abs() < 3.5 * merged.std, "{merged:?}");
+    for day in &days {
+        assert!(merged.std < 0.6 * known(day).std, "{merged:?} {:?}", known(day));
+    }
 }

@@ -17,7 +17,7 @@ const EVENTS: [(&str, &str, &str); 14] = [
     (
         "turn",
         "imu log_time turn",
-        "start end angle residual used reason explanation path vertical declared declared_residual",
+        "start end angle residual used reason explanation path vertical declared declared_residual declared_std",
     ),
     ("coverage", "imu log_time coverage", "faces complete next_step"),
     (

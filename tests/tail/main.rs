@@ -5,6 +5,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/drives.rs"]
+mod drives;
 #[path = "../common/many_channels.rs"]
 mod many_channels;
 #[path = "../common/session.rs"]
@@ -17,6 +19,7 @@ mod equality;
 mod events;
 mod folders;
 mod following;
+mod headings;
 mod killed;
 mod recorder;
 mod rotations;

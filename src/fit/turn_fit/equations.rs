@@ -2,20 +2,18 @@
 
 use nalgebra::{DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::session::{RestSeen, TurnSeen, TurnSession};
+use super::session::{RestSeen, TurnSession};
+use super::vertical_equation::{NONLINEARITY, VerticalEquation};
 use crate::fit::calibration::Calibration;
 use crate::fit::estimate::Estimate;
 use crate::fit::parameterisation::{Parameterisation, Truth};
-use crate::turns::{Candidate, Ends, predict, vertical};
+use crate::turns::{Candidate, Ends, predict};
 
 /// Entries of C = S⁻¹ of the gyroscope less I, and the nine parameters of the accelerometer.
 pub(super) const UNKNOWNS: usize = 18;
 
 /// Prior standard deviation of an entry of an inverse sensitivity, as of datasheets.
 pub(super) const DATASHEET: f64 = 0.03;
-
-/// Angle error from a gyroscope's nonlinearity, as a share of the path of a turn.
-const NONLINEARITY: f64 = 2e-4;
 
 pub(super) type TurnRow = SVector<f64, UNKNOWNS>;
 
@@ -72,31 +70,6 @@ pub(super) struct Equations {
     arrival: [Matrix2x3<f64>; 2],
 }
 
-/// Linearised equation of a turn whose rotation about the vertical is declared.
-pub(super) struct Declared {
-    /// Index of the turn.
-    pub(super) turn: usize,
-    /// Rotation less the declared one, over its standard deviation.
-    pub(super) residual: f64,
-    pub(super) by: TurnRow,
-}
-
-impl Declared {
-    fn of(session: &TurnSession, at: usize, turn: &TurnSeen, candidate: &Candidate, ends: &Ends) -> Option<Self> {
-        /// Standard deviation of a declaration: a mark is met to half a degree, rad.
-        const MARK: f64 = 0.5 * std::f64::consts::PI / 180.0;
-        let declared = turn.declared?;
-        let found = vertical(turn.pieces.iter(), candidate, ends);
-        let noise: Vector3<f64> =
-            turn.rests.iter().filter_map(|rest| session.rests.get(*rest)).map(|rest| rest.rate_noise).sum();
-        let bias = found.by_rate.component_mul(&found.by_rate).dot(&noise) / 4.0;
-        let variance = MARK * MARK + bias + session.random_walk * turn.seconds + (NONLINEARITY * turn.path).powi(2);
-        let mut by = TurnRow::zeros();
-        by.fixed_rows_mut::<9>(0).copy_from(&found.by_inverse);
-        Some(Self { turn: at, residual: (found.angle - declared) / variance.sqrt(), by: by / variance.sqrt() })
-    }
-}
-
 /// Direction of a specific force, its derivative with respect to the accelerometer's nine parameters, and its
 /// covariance from errors of the mean: from noise, and from the scatter between placements.
 struct Direction {
@@ -129,8 +102,8 @@ pub(super) fn linearise(
     given: &Given,
     by_up: Matrix3<f64>,
     at: &TurnRow,
-) -> (Vec<Equations>, Vec<Declared>) {
-    let mut declared = Vec::new();
+) -> (Vec<Equations>, Vec<VerticalEquation>) {
+    let mut known: Vec<VerticalEquation> = Vec::new();
     let candidate = Candidate::of_inverse(inverse_of(at));
     let parameters = DVector::from_iterator(9, at.iter().skip(9).copied());
     let accelerometer = Parameterisation::TRIANGULAR.calibration(&parameters);
@@ -140,7 +113,7 @@ pub(super) fn linearise(
         let before = Direction::of(from, 1, &accelerometer, given.placement);
         let after = Direction::of(to, 0, &accelerometer, given.placement);
         let ends = Ends { up: [before.up, after.up], rate: [from.rate, to.rate], by_up };
-        declared.extend(Declared::of(session, k, turn, &candidate, &ends));
+        known.extend(VerticalEquation::of(session, k, &candidate, &ends, known.last()));
         let found = predict(turn.pieces.iter(), &candidate, &ends);
         let across = perpendicular(&after.up);
         let arrival = [-across, across * found.by_up];
@@ -177,7 +150,7 @@ pub(super) fn linearise(
             arrival,
         });
     }
-    (equations, declared)
+    (equations, known)
 }
 
 /// Inverse sensitivity C of the gyroscope from the unknowns.

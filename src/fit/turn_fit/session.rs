@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::calibration::Calibration;
-use crate::turns::{Ends, Piece, contradiction, whole_turn};
+use crate::turns::{Ends, KnownRotation, Piece, level_axis, whole_turn};
 
 /// Readings of the sensors at a rest.
 #[derive(Clone, Debug)]
@@ -35,8 +35,8 @@ pub struct TurnSeen {
     pub path: f64,
     /// Variance of its angle about an axis from motion faster than the samples, rad².
     pub roughness: f64,
-    /// Rotation about the vertical that it is declared to be, counterclockwise seen from above, rad.
-    pub declared: Option<f64>,
+    /// Rotation about the vertical that it is known to be.
+    pub known: Option<KnownRotation>,
 }
 
 /// Rests and the turns between them, both in order of time.
@@ -51,20 +51,30 @@ pub struct TurnSession {
 }
 
 impl TurnSession {
-    /// Drops declarations that contradict their turns, and with `whole_turns` declares those of the other turns to be such
-    /// that look like whole turns of a table.
+    /// Drops known rotations that contradict their turns, counts the whole turns of headings, and with `whole_turns` declares
+    /// those of the other turns to be such that look like whole turns of a table.
     pub fn declare(&mut self, accelerometer: &Calibration, whole_turns: bool) {
         for at in 0..self.turns.len() {
             let turn = &self.turns[at];
             let rate = turn.rests.map(|rest| self.rests.get(rest).map_or(Vector3::zeros(), |rest| rest.rate));
             let ends = Ends { up: self.ups(turn, accelerometer), rate, by_up: Matrix3::zeros() };
-            let declared = match turn.declared {
-                Some(angle) => Some(angle).filter(|angle| contradiction(&turn.pieces, &ends, *angle).is_none()),
-                None if whole_turns => whole_turn(&turn.pieces, &ends),
+            let known = match turn.known {
+                Some(known) => {
+                    let level = self.level(&ends.up[0], accelerometer);
+                    let checked = known.checked(&turn.pieces, &ends, &level).ok();
+                    checked.map(|known| known.about_vertical(&turn.pieces, &ends, &level))
+                }
+                None if whole_turns => whole_turn(&turn.pieces, &ends).map(KnownRotation::declared),
                 None => None,
             };
-            self.turns[at].declared = declared;
+            self.turns[at].known = known;
         }
+    }
+
+    /// Axis of the body that is vertical while it is level, in poses like this one.
+    fn level(&self, near: &Vector3<f64>, accelerometer: &Calibration) -> Vector3<f64> {
+        let up = |force: &Vector3<f64>| accelerometer.correct(force).try_normalize(f64::MIN_POSITIVE);
+        level_axis(near, self.rests.iter().filter_map(|rest| up(&rest.force[0])))
     }
 
     /// Directions of specific force before and after a turn.

@@ -2,12 +2,14 @@
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::equations::{DATASHEET, Declared, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
+use super::equations::{DATASHEET, Equations, Given, Square, TurnRow, UNKNOWNS, inverse_of, linearise};
 use super::g_sensitivity::GSensitivity;
 use super::information::{OffDiagonals, Told};
+use super::inverse_errors::{by_inverse, of_sensitivity};
 use super::session::TurnSession;
-use super::too_little::{PRECISE, TooLittle};
+use super::too_little::{ENTRIES, PRECISE, TooLittle};
 use super::turn_estimate::TurnEstimate;
+use super::vertical_equation::{VerticalEquation, WhitenedVertical, whitened};
 use crate::fit::placement_scatter::stretch;
 use crate::fit::student_t::{NORMAL_95, student_95};
 
@@ -53,7 +55,7 @@ pub(super) struct TurnSolution<'a> {
     pub(super) at: TurnRow,
     kept: Vec<bool>,
     pub(super) equations: Vec<Equations>,
-    declared: Vec<Declared>,
+    known: Vec<VerticalEquation>,
     pub(super) level: Level,
 }
 
@@ -70,9 +72,9 @@ impl<'a> TurnSolution<'a> {
         let mut at = TurnRow::zeros();
         at.fixed_rows_mut::<9>(9).copy_from(&given.mean);
         let mut found =
-            Self { given, at, kept: kept.to_vec(), equations: Vec::new(), declared: Vec::new(), level: AS_ASSUMED };
+            Self { given, at, kept: kept.to_vec(), equations: Vec::new(), known: Vec::new(), level: AS_ASSUMED };
         for round in 0..ROUNDS {
-            (found.equations, found.declared) = linearise(session, given, by_up, &found.at);
+            (found.equations, found.known) = linearise(session, given, by_up, &found.at);
             if round == 1 {
                 // By now the residuals do not come from the linearisation.
                 found.level = found.find_level().ok_or(TooLittle::Unsolved)?;
@@ -82,8 +84,8 @@ impl<'a> TurnSolution<'a> {
             for equations in &mut found.equations {
                 equations.residual += equations.by * solved.step;
             }
-            for declared in &mut found.declared {
-                declared.residual += declared.by.dot(&solved.step);
+            for known in &mut found.known {
+                known.residual += known.by_inverse.dot(&solved.step.fixed_rows::<9>(0));
             }
             if round > 0 && solved.step.amax() < NEAR {
                 break;
@@ -175,6 +177,12 @@ impl<'a> TurnSolution<'a> {
         Some(white)
     }
 
+    /// Residuals of the known rotations and their derivatives, weighted likewise.
+    fn whitened_known(&self, without: Option<usize>) -> Vec<WhitenedVertical> {
+        let counts = |turn: usize| self.kept.get(turn).copied().unwrap_or(false) && without != Some(turn);
+        whitened(&self.known, counts)
+    }
+
     fn solve(&self, level: Level, without: Option<usize>) -> Option<SolvedTurns> {
         let white = self.whitened(level, without)?;
         let mut information = Square::zeros();
@@ -188,20 +196,19 @@ impl<'a> TurnSolution<'a> {
         for (residual, by) in &white {
             by.row_iter().zip(residual.iter()).for_each(|(row, residual)| add(&row.transpose(), *residual));
         }
-        let counts = |turn: usize| self.kept.get(turn).copied().unwrap_or(false) && without != Some(turn);
-        let declared = || self.declared.iter().filter(|declared| counts(declared.turn));
-        declared().for_each(|declared| add(&declared.by, declared.residual));
+        let known = self.whitened_known(without);
+        known.iter().for_each(|known| add(&row_of(known), known.residual));
         let mut start = TurnRow::zeros();
         start.fixed_rows_mut::<9>(9).copy_from(&self.given.mean);
         let factor = (information + self.given.prior).cholesky()?;
         let step = -factor.solve(&(moment + self.given.prior * (self.at - start)));
         let covariance = factor.inverse();
         let of_turns: f64 = white.iter().map(|(residual, by)| (residual + by * step).norm_squared()).sum();
-        let of_declared: f64 = declared().map(|declared| (declared.residual + declared.by.dot(&step)).powi(2)).sum();
-        let seen = (2 * white.len() + declared().count()) as f64;
+        let of_known: f64 = known.iter().map(|known| left_of(known, &step).powi(2)).sum();
+        let seen = (2 * white.len() + known.len()) as f64;
         // Degrees of freedom that the data determine, not the prior: tr(P I) = n − tr(P Λ).
         let known = UNKNOWNS as f64 - covariance.dot(&self.given.prior);
-        Some(SolvedTurns { step, covariance, squares: of_turns + of_declared, freedom: seen - known })
+        Some(SolvedTurns { step, covariance, squares: of_turns + of_known, freedom: seen - known })
     }
 
     /// Finds the turn without which the others agree, if it deviates beyond chance.
@@ -216,17 +223,18 @@ impl<'a> TurnSolution<'a> {
         }
         let white = self.whitened(AS_ASSUMED, None)?;
         let kept = (0..self.equations.len()).filter(|k| self.kept[*k]);
-        let of_declared = |k: usize| self.declared.iter().filter(move |declared| declared.turn == k);
+        let known = self.whitened_known(None);
+        let of_known = |k: usize| known.iter().filter(move |known| known.turn == k);
         let size = |k: usize, (residual, by): &Whitened| {
-            let declared = of_declared(k).map(|declared| (declared.residual + declared.by.dot(&all.step)).powi(2));
-            (residual + by * all.step).norm_squared() + declared.sum::<f64>()
+            let known = of_known(k).map(|known| left_of(known, &all.step).powi(2));
+            (residual + by * all.step).norm_squared() + known.sum::<f64>()
         };
         let mut largest: Vec<_> = kept.zip(&white).map(|(k, white)| (k, size(k, white))).collect();
         largest.sort_by(|(_, a), (_, b)| b.total_cmp(a));
         let without = |&(k, _): &(usize, f64)| {
             let others = self.solve(AS_ASSUMED, Some(k))?;
             let left = others.squares / others.freedom.max(1.0);
-            let equations = 2.0 + of_declared(k).count() as f64;
+            let equations = 2.0 + of_known(k).count() as f64;
             Some((k, (all.squares - others.squares) / equations / left.max(1.0)))
         };
         let worst = largest.iter().take(TRIED).filter_map(without).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
@@ -310,15 +318,14 @@ impl<'a> TurnSolution<'a> {
                 (variances + more).iter().all(|variance| NORMAL_95 * variance.max(0.0).sqrt() <= 2.0 * PRECISE);
             precise && moved.iter().zip(half_widths).all(|(moved, half)| moved.abs() <= 1.5 * half)
         };
-        // A declared turn is asked for its direction and for its declaration, one after the other.
+        // A turn is asked for its direction and for its known rotation, one after the other.
         let of_turns = white.iter().map(|(residual, by)| (*residual, *by));
-        let of_declared = self.declared.iter().filter(|declared| self.kept.get(declared.turn) == Some(&true));
-        let of_declared = of_declared.map(|declared| {
+        let of_known = self.whitened_known(None).into_iter().map(|known| {
             let mut by = SMatrix::<f64, 2, UNKNOWNS>::zeros();
-            by.set_row(0, &declared.by.transpose());
-            (Vector2::new(declared.residual, 0.0), by)
+            by.set_row(0, &row_of(&known).transpose());
+            (Vector2::new(known.residual, 0.0), by)
         });
-        of_turns.chain(of_declared).all(|(residual, by)| {
+        of_turns.chain(of_known).all(|(residual, by)| {
             let gain = solved.covariance * by.transpose();
             let left = residual + by * solved.step;
             let Some(inverse) = (Matrix2::identity() - by * gain).try_inverse() else { return false };
@@ -327,17 +334,14 @@ impl<'a> TurnSolution<'a> {
     }
 }
 
-/// Names of the entries of S, row by row.
-const ENTRIES: [&str; 9] =
-    ["the x scale", "x by y", "x by z", "y by x", "the y scale", "y by z", "z by x", "z by y", "the z scale"];
-
-/// Derivatives of the entries of S with respect to those of C, row by row: δS = −S δC S.
-fn by_inverse(sensitivity: &Matrix3<f64>) -> SMatrix<f64, 9, 9> {
-    SMatrix::from_fn(|entry, k| -sensitivity[(entry / 3, k / 3)] * sensitivity[(k % 3, entry % 3)])
+/// Derivatives of a known rotation with respect to all unknowns.
+fn row_of(known: &WhitenedVertical) -> TurnRow {
+    let mut row = TurnRow::zeros();
+    row.fixed_rows_mut::<9>(0).copy_from(&known.by_inverse);
+    row
 }
 
-/// Covariance of S from that of C.
-fn of_sensitivity(sensitivity: &Matrix3<f64>, covariance: &Square) -> SMatrix<f64, 9, 9> {
-    let by = by_inverse(sensitivity);
-    by * covariance.fixed_view::<9, 9>(0, 0) * by.transpose()
+/// Residual of a known rotation after a step.
+fn left_of(known: &WhitenedVertical, step: &TurnRow) -> f64 {
+    known.residual + known.by_inverse.dot(&step.fixed_rows::<9>(0))
 }

@@ -8,6 +8,10 @@ pub(super) const LEAST_TURNS: usize = 8;
 /// Largest accepted half-width of a 95 % interval.
 pub(super) const PRECISE: f64 = 0.005;
 
+/// Names of the entries of S, row by row.
+pub(super) const ENTRIES: [&str; 9] =
+    ["the x scale", "x by y", "x by z", "y by x", "the y scale", "y by z", "z by x", "z by y", "the z scale"];
+
 /// Reason why turns do not determine the sensitivity.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TooLittle {

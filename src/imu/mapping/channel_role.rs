@@ -20,6 +20,11 @@ pub enum ChannelRole {
         /// Path in the message.
         path: String,
     },
+    /// It provides the heading that turns are compared with.
+    Heading {
+        /// Path in the message.
+        path: String,
+    },
     /// It provides the position of the recording, and so the magnitude of gravity.
     Position,
     /// It should or might be used, but cannot be read; the reason in one line.
@@ -66,6 +71,7 @@ impl fmt::Display for ChannelRole {
                 Ok(())
             }
             Self::Temperature { imu, path } => write!(f, "temperature of {imu} ({path})"),
+            Self::Heading { path } => write!(f, "heading, for turns about the vertical ({path})"),
             Self::Position => f.write_str("position, for the length of gravity"),
             Self::Skipped(reason) => write!(f, "skipped: {reason}"),
             Self::Other { vectors, numbers, .. } if vectors.is_empty() && numbers.is_empty() => {

@@ -23,7 +23,7 @@ impl Learner {
         let stuck = stuck.chain(rounded(&self.sources.intake, &self.corrector));
         let apart = self.apart().is_some();
         let notes = faults.chain(self.timing_remarks()).chain(stuck);
-        let notes = notes.chain(self.unused_rotations()).collect();
+        let notes = notes.chain(self.sources.intake.heading_unread()).chain(self.unused_rotations()).collect();
         let channels = self.sources.channels().map(|(entry, verdict)| (entry.channel.clone(), verdict.clone()));
         Learned {
             imus: self.imus.into_iter().map(|imu| imu.findings).collect(),

@@ -23,6 +23,11 @@ impl Learner {
         if let Some(fix) = self.sources.intake.fix(message.channel, message.data) {
             self.locate(fix, notify);
         }
+        if !self.imus.is_empty()
+            && let Some(heading) = self.sources.intake.heading(message.channel, message.log_time, message.data)
+        {
+            self.imus.iter_mut().for_each(|imu| imu.engine.heading(heading.stamp, heading.angle));
+        }
         let readings = &mut self.readings;
         let mut keep = |imu, sensor, reading| readings.push((imu, sensor, reading));
         self.sources.intake.message(message.channel, message.log_time, message.data, &mut keep);
