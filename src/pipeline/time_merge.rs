@@ -4,46 +4,25 @@
 //! [`Shelf`]: an external merge sort (Knuth, The Art of Computer Programming 3, 5.4), so that any length of recording is
 //! read in two passes.
 
+mod sorted_runs;
+
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use self::sorted_runs::{AT_ONCE, Place, Run};
+pub(crate) use self::sorted_runs::{Held, Shelf};
 use super::time_order::{Apart, BEHIND, Clock};
 use crate::record::Message;
 use crate::{Error, Stamp};
 
 /// Most bytes held in memory (48 MiB).
 const MOST: usize = 48 << 20;
-/// Bytes of a run read at once, unless a message is longer.
-const AT_ONCE: usize = 32 << 10;
-/// Bytes of a message on the shelf before its data.
-const HEAD: usize = 46;
-
-/// Place of a message in the order: its time, and its number in the file.
-type Turn = (u64, u64);
-
-/// Room outside of memory, for bytes that are appended and read back by their position.
-pub(crate) trait Shelf: Send {
-    /// Appends bytes.
-    ///
-    /// # Errors
-    ///
-    /// If the system refuses.
-    fn append(&mut self, bytes: &[u8]) -> Result<(), Error>;
-
-    /// Reads the bytes from position `at` on into all of `into`.
-    ///
-    /// # Errors
-    ///
-    /// If the system refuses.
-    fn read_at(&mut self, at: u64, into: &mut [u8]) -> Result<(), Error>;
-}
-
 /// Merges the messages of channels that are apart.
 pub(crate) struct TimeMerge {
     /// Channels to merge, with the latest time of each.
     latest: BTreeMap<u16, u64>,
     clock: Clock,
-    held: BTreeMap<Turn, Held>,
+    held: BTreeMap<Place, Held>,
     /// Bytes held in memory, and how many may be.
     bytes: usize,
     most: usize,
@@ -53,50 +32,8 @@ pub(crate) struct TimeMerge {
     shelved: u64,
     runs: Vec<Run>,
     /// Next message of each run, the earliest first.
-    heads: BinaryHeap<Reverse<(Turn, usize)>>,
+    heads: BinaryHeap<Reverse<(Place, usize)>>,
     failure: Option<Error>,
-}
-
-/// A held message.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Held {
-    channel: u16,
-    sequence: u32,
-    log_time: u64,
-    publish_time: u64,
-    data: Vec<u8>,
-}
-
-/// Messages in order on the shelf.
-struct Run {
-    /// Positions on the shelf of what was not read yet.
-    rest: std::ops::Range<u64>,
-    /// Bytes that were read, of which so many are used up.
-    read: Vec<u8>,
-    used: usize,
-}
-
-impl Held {
-    pub(crate) fn message(&self) -> Message<'_> {
-        let Self { channel, sequence, log_time, publish_time, ref data } = *self;
-        Message { channel, sequence, log_time, publish_time, data }
-    }
-
-    /// Bytes on the shelf, and about as many in memory.
-    fn size(&self) -> usize {
-        HEAD + self.data.len()
-    }
-
-    fn write(&self, (time, number): Turn, into: &mut Vec<u8>) {
-        into.extend(time.to_le_bytes());
-        into.extend(number.to_le_bytes());
-        into.extend(self.channel.to_le_bytes());
-        into.extend(self.sequence.to_le_bytes());
-        into.extend(self.log_time.to_le_bytes());
-        into.extend(self.publish_time.to_le_bytes());
-        into.extend((self.data.len() as u64).to_le_bytes());
-        into.extend(&self.data);
-    }
 }
 
 impl TimeMerge {
@@ -138,7 +75,7 @@ impl TimeMerge {
 
     /// Holds a message of this stamp, if it has one. Those whose turn has come are returned by [`next`](Self::next).
     pub(crate) fn hold(&mut self, message: &Message<'_>, stamp: impl FnOnce() -> Option<Stamp>) {
-        let Message { channel, sequence, log_time, publish_time, data } = *message;
+        let Message { channel, log_time, .. } = *message;
         let newest = self.latest.get(&channel).copied().unwrap_or_default();
         let time = match self.clock {
             Clock::LogTimes => log_time,
@@ -147,7 +84,7 @@ impl TimeMerge {
         };
         self.latest.insert(channel, time.max(newest));
         self.count += 1;
-        let held = Held { channel, sequence, log_time, publish_time, data: data.to_vec() };
+        let held = Held::of(message);
         self.bytes += held.size();
         self.held.insert((time, self.count), held);
         if self.bytes > self.most {
@@ -165,7 +102,7 @@ impl TimeMerge {
     /// Next message, once no more arrive.
     pub(crate) fn pop(&mut self) -> Option<Held> {
         match self.heads.peek() {
-            Some(&Reverse((turn, run))) if self.first() == Some(turn) => {
+            Some(&Reverse((place, run))) if self.first() == Some(place) => {
                 self.heads.pop();
                 let taken = self.take_from(run);
                 self.note(taken)
@@ -178,10 +115,10 @@ impl TimeMerge {
         }
     }
 
-    /// Turn of the earliest message that is held.
-    fn first(&self) -> Option<Turn> {
-        let shelved = self.heads.peek().map(|Reverse((turn, _))| *turn);
-        let held = self.held.first_key_value().map(|(turn, _)| *turn);
+    /// Place of the earliest message that is held.
+    fn first(&self) -> Option<Place> {
+        let shelved = self.heads.peek().map(|Reverse((place, _))| *place);
+        let held = self.held.first_key_value().map(|(place, _)| *place);
         shelved.into_iter().chain(held).min()
     }
 
@@ -190,8 +127,8 @@ impl TimeMerge {
         let Some((&first, _)) = self.held.first_key_value() else { return Ok(()) };
         let begin = self.shelved;
         let mut bytes = Vec::new();
-        while let Some((turn, held)) = self.held.pop_first() {
-            held.write(turn, &mut bytes);
+        while let Some((place, held)) = self.held.pop_first() {
+            held.write(place, &mut bytes);
             if bytes.len() > AT_ONCE || self.held.is_empty() {
                 self.shelf.append(&bytes)?;
                 self.shelved += bytes.len() as u64;
@@ -200,7 +137,7 @@ impl TimeMerge {
         }
         self.bytes = 0;
         self.heads.push(Reverse((first, self.runs.len())));
-        self.runs.push(Run { rest: begin..self.shelved, read: Vec::new(), used: 0 });
+        self.runs.push(Run::new(begin..self.shelved));
         Ok(())
     }
 
@@ -209,8 +146,8 @@ impl TimeMerge {
         let Some(run) = self.runs.get_mut(index) else { return Ok(None) };
         let taken = run.take(&mut *self.shelf)?;
         match run.peek(&mut *self.shelf)? {
-            Some(turn) => self.heads.push(Reverse((turn, index))),
-            None => *run = Run { rest: 0..0, read: Vec::new(), used: 0 },
+            Some(place) => self.heads.push(Reverse((place, index))),
+            None => *run = Run::new(0..0),
         }
         Ok(taken)
     }
@@ -225,55 +162,6 @@ impl TimeMerge {
             T::default()
         })
     }
-}
-
-impl Run {
-    /// Turn of the next message.
-    fn peek(&mut self, shelf: &mut dyn Shelf) -> Result<Option<Turn>, Error> {
-        if self.rest.is_empty() && self.used == self.read.len() {
-            return Ok(None);
-        }
-        let mut head = self.bytes(HEAD, shelf)?;
-        Ok(Some((number(&mut head), number(&mut head))))
-    }
-
-    /// The next message.
-    fn take(&mut self, shelf: &mut dyn Shelf) -> Result<Option<Held>, Error> {
-        if self.peek(shelf)?.is_none() {
-            return Ok(None);
-        }
-        let mut head = self.bytes(HEAD, shelf)?;
-        let _turn: Turn = (number(&mut head), number(&mut head));
-        let (channel, sequence) = (u16::from_le_bytes(array(&mut head)), u32::from_le_bytes(array(&mut head)));
-        let (log_time, publish_time) = (number(&mut head), number(&mut head));
-        let size = HEAD + number(&mut head) as usize;
-        let data = self.bytes(size, shelf)?.get(HEAD..).unwrap_or_default().to_vec();
-        self.used += size;
-        Ok(Some(Held { channel, sequence, log_time, publish_time, data }))
-    }
-
-    /// The next `count` bytes, which are not used up by it.
-    fn bytes(&mut self, count: usize, shelf: &mut dyn Shelf) -> Result<&[u8], Error> {
-        if self.read.len() < self.used + count {
-            self.read.drain(..self.used);
-            self.used = 0;
-            let (kept, left) = (self.read.len(), (self.rest.end - self.rest.start) as usize);
-            let more = AT_ONCE.max(count - kept).min(left);
-            self.read.resize(kept + more, 0);
-            shelf.read_at(self.rest.start, self.read.get_mut(kept..).unwrap_or_default())?;
-            self.rest.start += more as u64;
-        }
-        Ok(self.read.get(self.used..self.used + count).unwrap_or_default())
-    }
-}
-
-/// Splits off the first bytes.
-fn array<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
-    bytes.split_off(..N).and_then(|taken| taken.try_into().ok()).unwrap_or([0; N])
-}
-
-fn number(bytes: &mut &[u8]) -> u64 {
-    u64::from_le_bytes(array(bytes))
 }
 
 #[cfg(test)]
@@ -317,8 +205,9 @@ mod tests {
             told.extend(std::iter::from_fn(|| merge.next()));
         }
         told.extend(std::iter::from_fn(|| merge.pop()));
-        assert!(told.iter().all(|held| (held.sequence, held.publish_time) == (7, 9)));
-        told.into_iter().map(|held| (held.channel, held.log_time, held.data)).collect()
+        assert!(told.iter().all(|held| (held.message().sequence, held.message().publish_time) == (7, 9)));
+        let parts = |held: Held| (held.message().channel, held.message().log_time, held.message().data.to_vec());
+        told.into_iter().map(parts).collect()
     }
 
     proptest! {
