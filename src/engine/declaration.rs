@@ -33,7 +33,7 @@ impl Declaration {
                 Ok(known) => Self::Known(known),
                 // A body that turns over has no heading on the way, and that is no fault of it.
                 Err(Contradiction::Tilted(_)) if known.heading_std.is_some() => Self::Nothing,
-                Err(why) => Self::Contradicted(known, why),
+                Err(why) => Self::Contradicted(known.wrapped(), why),
             },
             None => match whole_turn(pieces, ends) {
                 Some(angle) if whole_turns => Self::Known(KnownRotation::declared(angle)),

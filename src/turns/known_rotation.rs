@@ -58,6 +58,14 @@ impl KnownRotation {
         }
     }
 
+    /// The same by the least angle, if it is the change of a heading, which says nothing of whole turns.
+    pub fn wrapped(&self) -> Self {
+        match self.heading_std {
+            Some(_) => Self { angle: self.angle - (self.angle / TAU).round() * TAU, ..*self },
+            None => *self,
+        }
+    }
+
     /// Standard deviation of the angle, rad: a mark is met to half a degree, and a heading errs at both rests.
     pub fn std(&self) -> f64 {
         const MARK: f64 = 0.5 * std::f64::consts::PI / 180.0;
