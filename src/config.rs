@@ -58,6 +58,12 @@ impl Config {
         Ok(config)
     }
 
+    /// Settings that make this configuration out of another one. Those that only viewers see are left out, and so are keys
+    /// that only the other one has: no setting takes a value away.
+    pub fn changes_from(&self, other: &Self) -> Vec<Change> {
+        changes::between(&self.canonical(), &other.canonical())
+    }
+
     /// The whole configuration in a fixed order, as TOML that [`load`](Self::load) reads back; settings that affect
     /// only viewers have their defaults.
     pub fn canonical(&self) -> String {

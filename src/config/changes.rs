@@ -2,8 +2,6 @@
 
 use toml::{Table, Value};
 
-use super::Config;
-
 /// One setting in which a configuration differs from another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
@@ -20,15 +18,12 @@ impl Change {
     }
 }
 
-impl Config {
-    /// Settings that make this configuration out of another one. Those that only viewers see are left out, and so are keys
-    /// that only the other one has: no setting takes a value away.
-    pub fn changes_from(&self, other: &Self) -> Vec<Change> {
-        let table = |config: &Self| config.canonical().parse::<Table>().unwrap_or_default();
-        let mut changes = Vec::new();
-        collect("", &table(self), &table(other), &mut changes);
-        changes
-    }
+/// Settings that make one configuration, in its canonical form, out of another one.
+pub(super) fn between(of: &str, other: &str) -> Vec<Change> {
+    let table = |canonical: &str| canonical.parse::<Table>().unwrap_or_default();
+    let mut changes = Vec::new();
+    collect("", &table(of), &table(other), &mut changes);
+    changes
 }
 
 fn collect(above: &str, table: &Table, other: &Table, changes: &mut Vec<Change>) {
@@ -45,7 +40,7 @@ fn collect(above: &str, table: &Table, other: &Table, changes: &mut Vec<Change>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Layer;
+    use crate::config::{Config, Layer};
 
     #[test]
     fn the_changes_from_the_default_make_the_configuration_again() {

@@ -281,7 +281,7 @@ fn a_table_with_overrides_is_the_same_scenario() {
     let problem = Scenario::from_table(table.clone()).unwrap_err().to_string();
     assert!(problem.contains("accelerometer.noise: invalid type: string \"much\", expected a number"), "{problem}");
     table["accelerometer"]["noise"] = 0.02.into();
-    table["accelerometer"]["fault"] = "x".into();
+    table["accelerometer"].as_table_mut().unwrap().insert("fault".to_owned(), "x".into());
     let problem = Scenario::from_table(table).unwrap_err().to_string();
     let said = "accelerometer.fault: invalid type: string \"x\", expected a table, {key = value, …}; for example {flipped = [\"z\"]}";
     assert!(problem.ends_with(said), "{problem}");

@@ -185,13 +185,13 @@ fn noise_of(imu: &Imu<'_>, sensor: &str) -> Markup {
     let median = |axis: fn(&Vector3) -> f64| {
         let mut values: Vec<_> = means().filter_map(|mean| mean.std.as_ref().map(axis)).collect();
         values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+        values.get(values.len() / 2).map(|std| format!("{std:.5}")).unwrap_or_default()
     };
     let unit = if sensor == "gyroscope" { "rad/s" } else { "m/s²" };
     html! {
         tr {
             th { (sensor) " " small { (unit) } }
-            @for std in [median(|v| v.x), median(|v| v.y), median(|v| v.z)] { td.n { (format!("{std:.5}")) } }
+            @for std in [median(|v| v.x), median(|v| v.y), median(|v| v.z)] { td.n { (std) } }
         }
     }
 }
