@@ -9,6 +9,7 @@ use super::past_rest::{PastRest, RestSet};
 use super::past_turn::{PastTurn, TurnSet};
 use crate::engine::{rest_of, turn_of};
 use crate::messages::segment::Reason;
+use crate::messages::triad::Status;
 use crate::report::Findings;
 
 /// Evidence of any number of recordings on any number of sensors, by a key that distinguishes sensors. With
@@ -27,6 +28,9 @@ pub struct Evidence {
     pub(super) noise: NoiseSet,
     /// Identity in the latest recording, and the start of that recording's first rest, ns.
     pub(super) identity: Option<(i64, Identity)>,
+    /// Whether the gyroscope was confirmed in a recording, and with it its unit: by turns that are not kept, perhaps.
+    #[serde(default)]
+    pub(super) unit_confirmed: bool,
 }
 
 /// Names of a sensor in a recording.
@@ -78,7 +82,10 @@ impl Evidence {
         past.into_iter().for_each(|rest| rests.insert(rest));
         let noise = recording.zip(findings.noise.as_ref());
         let noise = noise.map(|(recording, noise)| NoiseSet::of(recording, noise)).unwrap_or_default();
-        Self { rests, turns, noise, identity: Some((recording.unwrap_or(i64::MIN), Identity::of(findings))) }
+        let identity = Some((recording.unwrap_or(i64::MIN), Identity::of(findings)));
+        let gyroscope = findings.calibration.as_ref().and_then(|calibration| calibration.gyroscope.as_ref());
+        let unit_confirmed = gyroscope.is_some_and(|gyroscope| gyroscope.status() == Status::Confirmed);
+        Self { rests, turns, noise, identity, unit_confirmed }
     }
 
     /// Adds the evidence of others on the same sensor.
@@ -87,6 +94,7 @@ impl Evidence {
         self.turns.join(other.turns);
         self.noise.join(other.noise);
         self.identity = self.identity.take().max(other.identity);
+        self.unit_confirmed |= other.unit_confirmed;
     }
 
     /// The rests that are kept.

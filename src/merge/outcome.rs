@@ -16,7 +16,7 @@ use crate::config::Config;
 use crate::engine::{self, Motion, Moved, Refitted, Secondary};
 use crate::fit::turn_fit::TurnSeen;
 use crate::fit::{Parameterisation, Term};
-use crate::imu::Sensor;
+use crate::imu::{RateUnit, Sensor};
 use crate::report::{Findings, day, nanos};
 use crate::still::{AllanSums, Rest};
 
@@ -52,7 +52,7 @@ struct Story<'a> {
 impl<'a> Story<'a> {
     fn of(evidence: &'a Evidence, config: &Config) -> Self {
         let identity = evidence.identity.as_ref().map(|(_, identity)| identity.clone()).unwrap_or_default();
-        let engine = engine_config(&identity, config);
+        let engine = engine_config(&identity, config, evidence.unit_confirmed);
         let rests = evidence.in_time();
         let visits = timeline::visits(&rests);
         let accelerometer = timeline::accelerometer(&rests, &visits, &engine);
@@ -319,8 +319,8 @@ fn of_terms(parameters: &SVector<f64, UNKNOWNS>, term: impl Fn(usize) -> Term) -
     [0, 1, 2].map(|axis| value(axis).unwrap_or_default())
 }
 
-/// Engine configuration of such a sensor.
-fn engine_config(identity: &Identity, config: &Config) -> engine::Config {
+/// Engine configuration of such a sensor, whose unit of rates may be confirmed.
+fn engine_config(identity: &Identity, config: &Config, unit_confirmed: bool) -> engine::Config {
     let named = |imu: &&crate::imu::ImuConfig| imu.topic == identity.topic || imu.name.as_ref() == Some(&identity.name);
     let imu = config.imu.iter().find(named);
     let secondary = identity.secondary.iter().map(|(name, topic)| {
@@ -339,9 +339,10 @@ fn engine_config(identity: &Identity, config: &Config) -> engine::Config {
         gyroscope: identity.gyroscope.clone(),
         secondary: secondary.collect(),
         preset: None,
-        // Rests alone do not show them.
+        // Rests alone do not show it.
         accel_unit: None,
-        gyro_unit: None,
+        // Rests and turns are kept in rad/s.
+        gyro_unit: unit_confirmed.then_some(RateUnit::RadiansPerSecond),
         reference: false,
         still: config.still.clone(),
         fit: config.fit.clone(),

@@ -79,6 +79,19 @@ fn spread_poses_determine_the_triangular_model_as_the_references_do() {
 }
 
 #[test]
+fn merging_one_recording_says_of_its_gyroscope_what_annotating_it_said() {
+    let Some(input) = recording("mpu6050_hand_held.ros2.mcap") else { return };
+    let folder = Folder::new();
+    let arguments = ["annotate".as_ref(), input.as_os_str(), "-o".as_ref(), "a.mcap".as_ref(), "--json".as_ref()];
+    let annotated = folder.run(arguments).ok().json()["imus"][0]["gyroscope"].clone();
+    let merged = folder.say("merge a.mcap --format json").ok().json()["imus"][0]["gyroscope"].clone();
+    assert_eq!(annotated["status"], "CONFIRMED");
+    for name in ["status", "bias", "bias_std"] {
+        assert_eq!(merged[name], annotated[name], "{name}");
+    }
+}
+
+#[test]
 fn six_faces_do_not_determine_the_triangular_model_and_it_is_said() {
     let Some(input) = recording("nilspod_six_face.ros2.mcap") else { return };
     let accelerometer = &annotate(&input, &[]).json()["imus"][0]["accelerometer"];
