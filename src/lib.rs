@@ -80,8 +80,8 @@
 //!
 //! [`engine::Engine`] for the order of learning; [`fit`] for the models; [`imu::Intake`] for reading messages;
 //! [`run::annotate`](run::annotate()) and [`run::tail`](run::tail()) for the program's work. A preset is an entry in
-//! the table of `imu/preset.rs`, a model a file in `fit/`, the noise floor
-//! `still/noise_floor.rs`, a foreign format a file in `report/export/`, a message type
+//! the table of `imu/preset.rs`, the noise floor is learned in
+//! `still/noise_floor.rs`, a model is a file in `fit/`, a foreign format a file in `report/export/`, a message type
 //! a line in `imu/mapping/known_types.rs`, an annotation a message in `schemas/` and a kind in [`topic`].
 //!
 //! # Direction of the numbers

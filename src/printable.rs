@@ -41,7 +41,8 @@ pub fn printable_json(document: &str) -> Cow<'_, str> {
 /// The text as one word of a shell's command line: in quotes, unless it needs none.
 pub fn shell_word(text: &str) -> Cow<'_, str> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
+    // Some shells expand a word that begins with =.
+    match !text.is_empty() && !text.starts_with('=') && text.chars().all(is_plain) {
         true => Cow::Borrowed(text),
         false => Cow::Owned(format!("'{}'", text.replace('\'', r"'\''"))),
     }

@@ -101,7 +101,7 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
 /// Whether a merge follows a setting though the rests and turns are read as they were found.
 fn applies(change: &Change, config: &Config) -> bool {
     /// Settings that rests and turns are found by.
-    const FOUND_BY: [&str; 14] = [
+    const FOUND_BY: [&str; 16] = [
         "still.detector",
         "still.window_s",
         "still.enter",
@@ -111,8 +111,10 @@ fn applies(change: &Change, config: &Config) -> bool {
         "still.max_duration_s",
         "still.gap_s",
         "still.late_s",
+        "still.max_creep",
         "still.accel_ceiling",
         "still.gyro_ceiling",
+        "fit.heading",
         "fit.rotations",
         "fit.whole_turns",
         "fit.fix_topic",
@@ -123,7 +125,9 @@ fn applies(change: &Change, config: &Config) -> bool {
             let secondaries = imu.secondary.iter().all(|secondary| secondary.accel.is_none());
             imu.accel.is_none() && imu.gyro.is_none() && imu.temperature.is_none() && secondaries
         }),
-        key => !FOUND_BY.contains(&key),
+        key => !FOUND_BY
+            .iter()
+            .any(|known| key == *known || key.strip_prefix(known).is_some_and(|rest| rest.starts_with('.'))),
     }
 }
 

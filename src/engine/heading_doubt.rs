@@ -11,6 +11,8 @@ use crate::turns::{Contradiction, Ends, History, KnownRotation, Piece, heading_s
 /// Reason why no turn uses a heading reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum HeadingDoubt {
+    /// It changes during so many rests of so many, by up to so much, rad.
+    Restless(u64, u64, f64),
     /// It grows the other way.
     Opposite,
     /// It changes as it would in this unit.
@@ -58,6 +60,9 @@ pub(super) fn doubt(
     entries: &[JudgedRest],
     range: Option<f64>,
 ) -> Option<HeadingDoubt> {
+    if let Some((moved, read, most)) = changes.headings.restless() {
+        return Some(HeadingDoubt::Restless(moved, read, most));
+    }
     let compared = compared(changes, turns, entries, range);
     let told = |factor: f64| {
         let agrees: Vec<bool> = compared.iter().filter_map(|turn| turn.agrees(factor)).collect();
@@ -119,6 +124,11 @@ impl HeadingDoubt {
     /// What is wrong with the reference, and what to do.
     pub(super) fn text(&self, config: &HeadingConfig) -> String {
         match self {
+            Self::Restless(moved, read, most) => format!(
+                "changes during {moved} of {read} rests, by up to {:.2}°: made from a gyroscope it drifts with its bias; otherwise check \
+                 fit.heading.unit, or state a larger fit.heading.std_deg",
+                most.to_degrees()
+            ),
             Self::Opposite => format!(
                 "turns the other way than the gyroscope: set fit.heading.clockwise = {}, or check the gyroscope's axes",
                 !config.clockwise

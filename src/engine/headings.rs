@@ -1,5 +1,5 @@
-//! Headings of a reference, an odometry for instance, while the sensor rests. Their use is left to
-//! [`Rotations`](super::rotations::Rotations).
+//! Headings of a reference, an odometry for instance, while the sensor rests. [`Rotations`](super::rotations::Rotations) are
+//! made of them.
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -79,22 +79,18 @@ impl Headings {
         self.readings == 0
     }
 
-    /// Reason why there is no heading at any rest, or at too few.
-    pub(super) fn why_none(&self) -> Option<String> {
+    /// Reason why there is no heading at any rest.
+    pub(super) fn why_none(&self) -> Option<&'static str> {
+        (self.read == 0).then_some(
+            "has no three readings during any rest: check its stamps, which must be of the IMU's clock; where topics stand one \
+             behind the other in the file, sort it first, with `mcap sort RECORDING -o SORTED`",
+        )
+    }
+
+    /// Number of rests during which the heading moved, of how many, and the most that it did, rad, if it moved during most.
+    pub(super) fn restless(&self) -> Option<(u64, u64, f64)> {
         let (moved, most) = self.moved;
-        match self.read {
-            0 => Some(
-                "has no three readings during any rest: check its stamps, which must be of the IMU's clock; where topics stand \
-                 one behind the other in the file, sort it first, with `mcap sort RECORDING -o SORTED`"
-                    .to_owned(),
-            ),
-            read if 2 * moved > read => Some(format!(
-                "changes during {moved} of {read} rests, by up to {:.2}°: made from a gyroscope it drifts with its bias; otherwise check \
-                 fit.heading.unit, or state a larger fit.heading.std_deg",
-                most.to_degrees()
-            )),
-            _ => None,
-        }
+        (2 * moved > self.read).then_some((moved, self.read, most))
     }
 }
 

@@ -53,6 +53,8 @@ pub fn turn_of(turn: &messages::Turn) -> Option<PastTurn> {
     /// Longest turn over which a bias keeps, s; and most that any number of a turn comes to.
     const LASTING: f64 = 20.0;
     const LARGEST: f64 = 1e6;
+    /// Least error of a heading that anybody states, rad.
+    const SMALLEST: f64 = 1e-6;
     let followed = match turn.reason() {
         Reason::Interrupted | Reason::Clipped | Reason::Prolonged | Reason::Jittery => false,
         Reason::Used | Reason::Small | Reason::Unrest | Reason::Outlier | Reason::Unreferenced => true,
@@ -79,7 +81,7 @@ pub fn turn_of(turn: &messages::Turn) -> Option<PastTurn> {
         && (0.0..=LASTING).contains(&seconds)
         && [path, roughness].iter().all(|value| (0.0..=LARGEST).contains(value));
     let declared = turn.declared.filter(|declared| declared.abs() <= LARGEST);
-    let declared_std = turn.declared_std.filter(|std| *std > 0.0 && *std <= LARGEST);
+    let declared_std = turn.declared_std.filter(|std| (SMALLEST..=LARGEST).contains(std));
     // A number that is no deviation makes no declaration.
     let declared = declared.filter(|_| turn.declared_std.is_none() || declared_std.is_some());
     sound.then_some(PastTurn { start, end, pieces, seconds, path, roughness, declared, declared_std })

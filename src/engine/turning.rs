@@ -194,5 +194,6 @@ fn seen(entry: &JudgedRest, first: Stamp) -> Option<RestSeen> {
         rate_taken_off: entry.rate_taken_off,
         rate_noise: gyroscope.mean_variance(),
         time: rest.start.seconds_since(first),
+        placement: rest.placement,
     })
 }

@@ -6,7 +6,7 @@ use super::turn_verdict::View;
 use crate::fit::RotationConfig;
 use crate::imu::HeadingConfig;
 use crate::messages::turn::Reason;
-use crate::turns::{Candidate, Turn, contradiction, motion};
+use crate::turns::{Candidate, Contradiction, Turn, contradiction, motion};
 
 impl View<'_> {
     /// Texts on the rotations that are declared by their times and are of no use, with what was seen instead.
@@ -27,7 +27,10 @@ impl View<'_> {
         if headings.are_none() {
             return None;
         }
-        let why = headings.why_none().or_else(|| self.solution.heading_doubt.as_ref().map(|doubt| doubt.text(config)));
+        let why = headings
+            .why_none()
+            .map(str::to_owned)
+            .or_else(|| self.solution.heading_doubt.as_ref().map(|doubt| doubt.text(config)));
         match why {
             Some(why) => Some(format!("fit.heading: {} is not used: it {why}", config.topic)),
             None => self.unused_of_turns().map(|text| format!("fit.heading: {} {text}", config.topic)),
@@ -58,6 +61,8 @@ impl View<'_> {
         let ends = self.ends(turn).filter(|_| turn.unusable(None).is_none() && turn.resolves(1.0))?;
         match self.declaration(turn, &pieces, &ends).0 {
             Declaration::Known(known) if known.heading_std.is_some() => Some(None),
+            // One that is too long to count its whole turns contradicts nothing.
+            Declaration::Contradicted(_, Contradiction::Uncounted(_)) => None,
             Declaration::Contradicted(known, _) if known.heading_std.is_some() => {
                 let angle = known.angle.to_degrees();
                 Some(Some(format!("{angle:.1}° by its heading from {}", self.told(turn))))

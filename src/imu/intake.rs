@@ -424,13 +424,21 @@ impl Intake {
     }
 
     fn judge(&mut self, channel_id: u16, topic: &str, layout: &Layout) -> ChannelRole {
-        match self.fixes.channel(channel_id, topic, layout) {
-            Ok(true) => return ChannelRole::Position,
-            Ok(false) => {}
-            Err(error) => return ChannelRole::Skipped(error.to_string()),
-        }
-        // A message may hold a heading and be that of an IMU.
+        // A message may hold a heading and a position, or be that of an IMU.
         let heading = self.headings.channel(channel_id, topic, layout);
+        let position = match self.fixes.channel(channel_id, topic, layout) {
+            Ok(is_one) => is_one.then_some(ChannelRole::Position),
+            Err(error) => Some(ChannelRole::Skipped(error.to_string())),
+        };
+        match (position, &heading) {
+            (Some(ChannelRole::Skipped(_)), Ok(Some(path))) => return ChannelRole::Heading { path: path.clone() },
+            (Some(role), Ok(_)) => return role,
+            (Some(role), Err(error)) => {
+                self.headings.refuse(error);
+                return role;
+            }
+            (None, _) => {}
+        }
         match (heading, self.judge_readings(channel_id, topic, layout)) {
             (Ok(Some(path)), ChannelRole::Other { .. }) => ChannelRole::Heading { path },
             // That it is no IMU is no fault, unless it was meant to be one.

@@ -67,11 +67,15 @@ impl Sources {
 
     /// Topics that the configuration names and the recording lacks so far, or that are no heading reference, one line each.
     pub(crate) fn missing(&self) -> Vec<String> {
+        self.lacking().chain(self.intake.heading_fault()).collect()
+    }
+
+    fn lacking(&self) -> impl Iterator<Item = String> {
         let line = |missing: MissingTopic| {
             let nearest = missing.nearest.map(|name| format!("; did you mean {name}?")).unwrap_or_default();
             format!("{}: configured, but the recording has no such topic{nearest}", missing.topic)
         };
-        self.intake.missing_topics().into_iter().map(line).chain(self.intake.heading_fault()).collect()
+        self.intake.missing_topics().into_iter().map(line)
     }
 
     /// The same, each with the topics that there are instead.
@@ -85,9 +89,10 @@ impl Sources {
         let further = if further > 0 { format!(" and {further} more") } else { String::new() };
         let there = format!("{}{further}", listed.join(", "));
         let line = |missing: String| match missing.ends_with('?') {
+            _ if there.is_empty() => missing,
             true => format!("{missing} It has {there}"),
             false => format!("{missing}; it has {there}"),
         };
-        self.missing().into_iter().map(line).collect()
+        self.lacking().map(line).chain(self.intake.heading_fault()).collect()
     }
 }

@@ -17,7 +17,7 @@ pub struct CrossTerm {
 pub fn cross_terms(triad: &Triad) -> Vec<CrossTerm> {
     let parts = [
         ("g-sensitivity", "rad/s per m/s²", &triad.g_sensitivity),
-        ("to rotation", "m/s² per rad/s", &triad.rate_sensitivity),
+        ("sensitivity to rotation", "m/s² per rad/s", &triad.rate_sensitivity),
         ("g²-sensitivity", "rad/s per (m/s²)²", &triad.g2_sensitivity),
     ];
     // They are the last parameters of the covariance.
@@ -41,13 +41,21 @@ pub fn cross_terms(triad: &Triad) -> Vec<CrossTerm> {
 }
 
 /// Direction of the numbers of a calibration, as a formula.
-pub fn direction(calibration: Option<&Calibration>) -> &'static str {
-    match calibration.and_then(|calibration| calibration.gyroscope.as_ref()) {
-        Some(gyroscope) if !gyroscope.g_sensitivity.is_empty() => {
-            "measured = bias + sensitivity * true; of the gyroscope + g_sensitivity * true acceleration"
-        }
-        _ => "measured = bias + sensitivity * true",
+pub fn direction(calibration: Option<&Calibration>) -> String {
+    let mut formula = "measured = bias + sensitivity * true".to_owned();
+    let gyroscope = calibration.and_then(|calibration| calibration.gyroscope.as_ref());
+    let has = |part: fn(&Triad) -> &[f64]| gyroscope.is_some_and(|triad| !part(triad).is_empty());
+    let (linear, square) = (has(|triad| &triad.g_sensitivity), has(|triad| &triad.g2_sensitivity));
+    if linear || square {
+        formula += "; of the gyroscope";
+        formula += if linear { " + g_sensitivity * true acceleration" } else { "" };
+        formula += if square { " + g2_sensitivity * (true acceleration)^2, axis by axis" } else { "" };
     }
+    let accelerometer = calibration.and_then(|calibration| calibration.accelerometer.as_ref());
+    if accelerometer.is_some_and(|triad| !triad.rate_sensitivity.is_empty()) {
+        formula += "; of the accelerometer + rate_sensitivity * true rate";
+    }
+    formula
 }
 
 #[cfg(test)]

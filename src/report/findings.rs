@@ -63,11 +63,16 @@ impl Findings {
 
     /// Number of placements in the fit that lie on no face, but between them.
     pub fn between_faces(&self) -> usize {
-        let placements: BTreeSet<_> =
-            self.rests.values().filter(|rest| rest.accepted).map(|rest| rest.placement).collect();
+        let count = |is_one: &dyn Fn(&Segment) -> bool| {
+            let accepted = self.rests.values().filter(|rest| rest.accepted && is_one(rest));
+            accepted.map(|rest| rest.placement).collect::<BTreeSet<_>>().len()
+        };
+        // The faces count the rests that are kept, which are not all of a long recording.
+        let limit = crate::fit::Config::default().max_tilt_deg;
+        let tilted = count(&|rest| rest.tilt_deg.is_some_and(|tilt| tilt > limit));
         let faces = self.coverage.iter().flat_map(|coverage| &coverage.faces);
         let on_faces: usize = faces.map(|face| face.placements as usize).sum();
-        if self.coverage.is_some() { placements.len().saturating_sub(on_faces) } else { 0 }
+        if self.coverage.is_some() { count(&|_| true).saturating_sub(on_faces).min(tilted) } else { 0 }
     }
 
     /// Rests that did not enter the fit, in time order.

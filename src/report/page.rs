@@ -94,7 +94,7 @@ impl Page<'_> {
                     b { "measured = bias + S · true" } "; to correct a reading, "
                     b { "true = S⁻¹ (measured − bias)" }
                     @if self.timelines.iter().any(|timeline| timeline.findings.triads().any(|triad| !cross_terms(triad).is_empty())) {
-                        "; of a triad with a sensitivity G to the other sensor, G · its true value is taken off with the bias"
+                        "; what a triad makes of the other sensor's quantity (its rows below S) is taken off with the bias"
                     }
                 }
             }

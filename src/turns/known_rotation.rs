@@ -42,7 +42,7 @@ impl KnownRotation {
         };
         let seen = heading_seen(pieces, ends, level);
         let angle = self.angle + ((seen - self.angle) / TAU).round() * TAU;
-        if seen_to_within(pieces, angle) > COUNTED {
+        if seen_to_within(pieces, angle) + GRANTED * self.std() > COUNTED {
             return Err(Contradiction::Uncounted(seen));
         }
         let excess = heading_excess(pieces, ends, level);
@@ -73,7 +73,8 @@ impl KnownRotation {
     }
 }
 
-/// Largest error of the gyroscope with which whole turns are still counted, rad: half a turn, with room for the heading's.
-const COUNTED: f64 = 0.4 * TAU;
+/// Largest error of gyroscope and heading with which whole turns are still counted, rad: half of the half turn that would
+/// miscount one, so that a heading that is wrong is found out.
+const COUNTED: f64 = TAU / 4.0;
 /// Error of a heading's change that is always granted, in standard deviations.
 const GRANTED: f64 = 3.0;

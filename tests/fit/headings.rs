@@ -190,6 +190,12 @@ fn a_reference_that_is_no_good_is_said_and_not_used() {
             Box::new(|stamp, _, _| Some(at(stamp) + 0.01 * stamp.seconds_since(first))),
             "changes during 9 of 9 rests",
         ),
+        // During most of them is enough.
+        (
+            with_heading(0.5),
+            Box::new(|stamp, _, rest| Some(at(stamp) + if rest < 6 { 0.01 * stamp.seconds_since(first) } else { 0.0 })),
+            "changes during 6 of 9 rests",
+        ),
     ];
     for (fit, read, words) in cases {
         let found = learned(&hand, fit, read);

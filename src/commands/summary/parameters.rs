@@ -86,7 +86,9 @@ fn cross_rows(triad: &Triad, table: &mut Table) {
             let label = if rows.len() == 3 { format!("  G, row {axis}") } else { format!("  {name}") };
             table.row(row(&label, *values, *std));
         }
-        table.heading(format!("  G is the {name}, {unit}"));
+        if rows.len() == 3 {
+            table.heading(format!("  G is the {name}, {unit}"));
+        }
     }
 }
 

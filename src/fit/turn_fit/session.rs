@@ -20,6 +20,8 @@ pub struct RestSeen {
     pub rate_noise: Vector3<f64>,
     /// Time of the rest, s.
     pub time: f64,
+    /// Its placement: rests of one show one heading.
+    pub placement: u32,
 }
 
 /// Turn between two rests.
@@ -58,7 +60,10 @@ impl TurnSession {
             let turn = &self.turns[at];
             let rate = turn.rests.map(|rest| self.rests.get(rest).map_or(Vector3::zeros(), |rest| rest.rate));
             let ends = Ends { up: self.ups(turn, accelerometer), rate, by_up: Matrix3::zeros() };
+            let stays = || self.placement(turn.rests[0]) == self.placement(turn.rests[1]);
             let known = match turn.known {
+                // Between rests of one placement nothing is told, and both headings err alike.
+                Some(known) if known.heading_std.is_some() && stays() => None,
                 Some(known) => {
                     let level = self.level(&ends.up[0], accelerometer);
                     let checked = known.checked(&turn.pieces, &ends, &level).ok();
@@ -69,6 +74,11 @@ impl TurnSession {
             };
             self.turns[at].known = known;
         }
+    }
+
+    /// Placement of a rest.
+    pub(super) fn placement(&self, rest: usize) -> Option<u32> {
+        self.rests.get(rest).map(|rest| rest.placement)
     }
 
     /// Axis of the body that is vertical while it is level, in poses like this one.

@@ -21,9 +21,9 @@ pub(super) struct VerticalEquation {
     pub(super) by_inverse: SVector<f64, 9>,
     /// Variance of the residual, rad².
     pub(super) variance: f64,
-    /// Covariance with the equation before, rad²: a heading at the rest between two turns errs for both, and so does the
-    /// mean rate.
-    pub(super) shared: f64,
+    /// Covariance with the equation of another turn, rad²: a heading at the placement between two turns errs for both, and so
+    /// does the mean rate of a rest.
+    pub(super) shared: Option<(usize, f64)>,
     /// Derivatives with respect to a rate that is added all along, s.
     by_rate: Vector3<f64>,
 }
@@ -59,8 +59,10 @@ impl VerticalEquation {
         let shared = before.zip(known.heading_std).and_then(|(before, std)| {
             let last = session.turns.get(before.turn)?;
             let other = last.known?.heading_std?;
-            let meets = before.turn + 1 == turn && last.rests[1] == seen.rests[0];
-            meets.then(|| of_bias(&before.by_rate, noise(seen.rests[0])) - std * other)
+            let meets = session.placement(last.rests[1]) == session.placement(seen.rests[0]);
+            let same = last.rests[1] == seen.rests[0];
+            let rate = if same { of_bias(&before.by_rate, noise(seen.rests[0])) } else { 0.0 };
+            meets.then_some((before.turn, rate - std * other))
         });
         Some(Self {
             turn,
@@ -68,7 +70,7 @@ impl VerticalEquation {
             known: known.angle,
             by_inverse: found.by_inverse,
             variance,
-            shared: shared.unwrap_or(0.0),
+            shared,
             by_rate: found.by_rate,
         })
     }
@@ -82,8 +84,8 @@ pub(super) fn whitened(equations: &[VerticalEquation], counts: impl Fn(usize) ->
     let mut white: Vec<WhitenedVertical> = Vec::with_capacity(equations.len());
     let mut last_own = 1.0;
     for equation in equations.iter().filter(|equation| counts(equation.turn)) {
-        let before = white.last().filter(|before| before.turn + 1 == equation.turn && equation.shared != 0.0);
-        let shared = before.map_or(0.0, |_| equation.shared / last_own);
+        let before = white.last().filter(|before| equation.shared.is_some_and(|(with, _)| with == before.turn));
+        let shared = before.and(equation.shared).map_or(0.0, |(_, covariance)| covariance / last_own);
         let own = (equation.variance - shared * shared).max(OWN * equation.variance).sqrt();
         let VerticalEquation { turn, mut residual, mut known, mut by_inverse, .. } = equation.clone();
         if let Some(before) = before {

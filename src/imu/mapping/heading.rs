@@ -117,8 +117,9 @@ impl HeadingSearch {
     pub(in crate::imu) fn unread(&self) -> Option<String> {
         let topic = self.topic().filter(|_| self.read == 0 && !self.routes.is_empty())?;
         Some(format!(
-            "fit.heading: {topic}: no message of it had a heading while the IMU was read: there are none, or NaN, or quaternions of \
-             an upright x axis"
+            "fit.heading: {topic}: no message of it had a heading while the IMU was read: there are none then (where topics stand one \
+             behind the other in the file, sort it first, with `mcap sort RECORDING -o SORTED`), or NaN, or quaternions of an \
+             upright x axis"
         ))
     }
 

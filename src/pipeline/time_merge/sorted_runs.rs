@@ -113,6 +113,7 @@ impl Run {
     fn bytes(&mut self, count: usize, shelf: &mut dyn Shelf) -> Result<&[u8], Error> {
         if self.read.len() < self.used + count {
             self.read.drain(..self.used);
+            self.read.shrink_to(AT_ONCE);
             self.used = 0;
             let (kept, left) = (self.read.len(), (self.rest.end - self.rest.start) as usize);
             let more = AT_ONCE.max(count - kept).min(left);

@@ -2,6 +2,7 @@
 //! work.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -68,7 +69,9 @@ fn commands(imu: &Imu<'_>, source: Source<'_>) -> Vec<(&'static str, String)> {
         // A sidecar holds no readings, and settings of another version may not be known.
         let has_readings = imu.timeline.acceleration.span().is_some();
         let config = Config::load(&[Layer::file("the recording", settings)]).ok().filter(|_| has_readings)?;
-        let line = format!("stillpoint annotate {name} -o corrected.mcap --set output.corrected=final");
+        // Of a folder it is another folder.
+        let output = if Path::new(recording).extension().is_some() { "corrected.mcap" } else { "corrected" };
+        let line = format!("stillpoint annotate {name} -o {output} --set output.corrected=final");
         let others =
             config.changes_from(&Config::default()).into_iter().filter(|change| change.key != "output.corrected");
         let line = others.fold(line, |line, change| format!("{line} --set {}", shell_word(&change.setting())));
