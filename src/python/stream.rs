@@ -100,10 +100,11 @@ impl Stream {
         let refused = [(&self.accelerometer, "accelerometer"), (&self.gyroscope, "gyroscope")].into_iter();
         let refused = refused.filter(|(triad, _)| triad.refused > 0);
         let refused = refused.map(|(triad, sensor)| {
-            format!(
-                "{name}, {sensor}: {} readings are NaN, infinite, or beyond what any sensor reads, and are left out",
-                triad.refused
-            )
+            let readings = match triad.refused {
+                1 => "1 reading is".to_owned(),
+                count => format!("{count} readings are"),
+            };
+            format!("{name}, {sensor}: {readings} NaN, infinite, or beyond what any sensor reads, and left out")
         });
         self.log.extend(remarks.chain(refused).map(|text| (Level::Warning, printable(&text).into_owned())));
     }

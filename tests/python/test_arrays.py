@@ -136,7 +136,7 @@ def test_readings_that_are_not_finite_are_left_out_and_that_is_said(arrays, capl
     with caplog.at_level(logging.WARNING, "stillpoint"):
         calibration = stillpoint.calibrate(arrays.t, accel, arrays.gyro)
     assert calibration.is_calibrated
-    assert "imu, accelerometer: 1 readings are NaN or infinite, and are left out" in caplog.messages
+    assert "imu, accelerometer: 1 reading is NaN, infinite, or beyond what any sensor reads, and left out" in caplog.messages
 
 
 @pytest.mark.parametrize(
