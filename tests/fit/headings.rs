@@ -194,7 +194,7 @@ fn a_reference_that_is_no_good_is_said_and_not_used() {
         (
             with_heading(0.5),
             Box::new(|stamp, _, rest| Some(at(stamp) + if rest < 6 { 0.01 * stamp.seconds_since(first) } else { 0.0 })),
-            "changes during 6 of 9 rests",
+            "changes during 5 of 9 rests",
         ),
     ];
     for (fit, read, words) in cases {
