@@ -40,13 +40,14 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<EarthLocation>) -> Gravi
 pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Config, givens: &Givens<'_>) -> Solution {
     let models = candidates(config.fit.model, givens.reference.is_some());
     let solution = solve_by(models, entries, judge, config, givens);
-    // What is asked for came neither of the rests alone nor of the turns beside them.
-    let is_simpler = !matches!(&solution.accelerometer, Ok(fit) if fit.shape == Parameterisation::TRIANGULAR);
-    match models {
-        [asked, ..] if config.fit.model == Model::Triangular && is_simpler => {
-            solve_by(std::slice::from_ref(asked), entries, judge, config, givens)
-        }
-        _ => solution,
+    if config.fit.model != Model::Triangular || solution.accelerometer.is_ok() {
+        return solution;
+    }
+    // The turns may add to six faces what spread poses would tell.
+    let beside_turns = solve_by(&[Parameterisation::DIAGONAL], entries, judge, config, givens);
+    match &beside_turns.accelerometer {
+        Ok(fit) if fit.shape == Parameterisation::TRIANGULAR => beside_turns,
+        _ => solve_by(models, entries, judge, config, givens),
     }
 }
 
@@ -128,8 +129,7 @@ fn candidates(model: Model, reference: bool) -> &'static [Parameterisation] {
         }
         Model::Auto => &[Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL],
         Model::BiasScale => &[Parameterisation::DIAGONAL],
-        // The turns may add to six faces what spread poses would tell.
-        Model::Triangular => &[Parameterisation::TRIANGULAR, Parameterisation::DIAGONAL],
+        Model::Triangular => &[Parameterisation::TRIANGULAR],
         Model::CrossAxis => &[Parameterisation::MATRIX],
     }
 }

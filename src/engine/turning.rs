@@ -74,11 +74,14 @@ pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solu
 /// Improves the accelerometer by the turns if that reduces its error: one on the faces becomes triangular.
 pub(super) fn complete(trial: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
     let config = judge.fit;
-    let wanted = matches!(config.model, Model::Auto | Model::Triangular)
-        && config.estimator == Estimator::Magnitude
-        && config.loss == Loss::Square;
     let (Ok(found), Ok(fit)) = (&turning.found, &trial.fit) else { return };
-    if !wanted {
+    let wanted = match config.model {
+        Model::Auto => true,
+        // What is asked for by name is that of the rests, if they determine it.
+        Model::Triangular => fit.shape == Parameterisation::DIAGONAL,
+        _ => false,
+    };
+    if !wanted || config.estimator != Estimator::Magnitude || config.loss != Loss::Square {
         return;
     }
     let richer = match (fit.shape, trial.poses) {
