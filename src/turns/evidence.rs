@@ -74,7 +74,7 @@ impl Hypothesis {
         let unit: f64 = match self.per_radian {
             1.0 => 0.0,
             // Three turns of many revolutions, which are not followed, may agree with a smaller unit by chance.
-            alike if ALIKE.contains(&alike) => 12.0,
+            alike if ALIKE.contains(&alike) => 16.0,
             _ => 4.0,
         };
         let axes = match (self.axes == AxisOrder::RIGHT, self.axes.is_in_order()) {
