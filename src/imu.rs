@@ -19,10 +19,11 @@ pub use config::{
 };
 pub use decode::Decoder;
 pub use decode::malformed::Malformed;
-pub use intake::{Intake, MissingTopic};
+pub use intake::Intake;
 pub use mapping::channel_role::{ChannelRole, VectorUse};
 pub use mapping::first_readings::{FirstReadings, Relation};
 pub use mapping::heading::Heading;
+pub use mapping::obstacles::MissingTopic;
 pub use mapping::position::Position;
 pub use mapping::refusal::{Cause, Notice, RefusalCount};
 pub use mapping::registry::{Imu, Triad};

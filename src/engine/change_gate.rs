@@ -52,7 +52,7 @@ impl ChangeGate {
     }
 
     /// Model of the accelerometer that was published last, if it was determined.
-    pub(super) fn shape(&self) -> Option<Parameterisation> {
+    pub(super) fn model(&self) -> Option<Parameterisation> {
         match self.calibration.as_ref()?.accelerometer.as_ref()?.model() {
             Model::BiasScale => Some(Parameterisation::DIAGONAL),
             Model::Triangular => Some(Parameterisation::TRIANGULAR),

@@ -1,6 +1,8 @@
 //! Events: results on an IMU, each with the time at which it was known.
 
+use crate::Stamp;
 use crate::messages;
+use crate::messages::foxglove::log::Level;
 
 /// Result, with the time at which it was known.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,6 +11,20 @@ pub struct Event {
     pub log_time: u64,
     /// Result as a message.
     pub message: Message,
+}
+
+impl Event {
+    /// Text for people, from the IMU of this name.
+    pub(super) fn log(name: &str, (stamp, log_time): (Stamp, u64), level: Level, message: String) -> Self {
+        let log = messages::foxglove::Log {
+            timestamp: Some(stamp.into()),
+            level: level.into(),
+            message,
+            name: name.to_owned(),
+            ..Default::default()
+        };
+        Self { log_time, message: Message::Log(log) }
+    }
 }
 
 /// Content of an [`Event`].

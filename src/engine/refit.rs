@@ -5,13 +5,17 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use super::change_gate::ChangeGate;
 use super::config::Config;
+use super::noise::Noise;
+use super::session::Session;
 use super::solution::Solution;
-use super::solve;
-use crate::fit::turn_fit::Told;
+use super::{guidance, publication, solve};
+use crate::fit::turn_fit::{Told, TurnSeen};
 use crate::fit::{Estimate, Gravity, Parameterisation, Term};
+use crate::imu::Sensor;
 use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
-use crate::still::{ReadingRange, Rest, Sketch, TriadMean};
+use crate::still::{AllanSums, ReadingRange, Rest, Sketch, TriadMean};
 use crate::{Stamp, messages};
 
 /// Result of a refit over rests of several recordings.
@@ -48,6 +52,46 @@ pub struct Motion {
 /// Gravity that such a fit uses.
 pub fn gravity(config: &Config) -> Gravity {
     solve::gravity(&config.fit, None)
+}
+
+/// Judges and fits rests as if one engine had found them all, and the turns between them, whose rests are given by
+/// their indices. Placements are distinguished by their numbers.
+pub fn refit(
+    rests: impl IntoIterator<Item = Rest>,
+    turns: &[TurnSeen],
+    noise: BTreeMap<Sensor, AllanSums>,
+    motion: &Motion,
+    config: Config,
+) -> Refitted {
+    let mut session = Session::new(config);
+    session.noise = Noise::of(noise);
+    rests.into_iter().for_each(|rest| session.history.add(rest));
+    let mut solution = session.solve(None, turns);
+    let moved = motion.replace(&mut solution);
+    if let Some(warmth) = &mut solution.warmth {
+        // A bias that is that of a time is not that of a temperature.
+        warmth.give_up(moved.map(|moved| moved.is_some()));
+    }
+    let Session { config, fixture, history, noise, .. } = &session;
+    let stamp = history.entries().iter().map(|entry| entry.rest.end).max().unwrap_or_default();
+    let header = publication::header(stamp, &config.frame_id);
+    let segment = |entry| publication::segment(header.clone(), entry, config, fixture);
+    let segments = history.entries().iter().map(segment).collect();
+    let obstacle = guidance::obstacle(config, &solution, history.entries(), fixture);
+    let coverage = publication::coverage(header.clone(), history, (config, fixture), &solution, obstacle);
+    let mut calibration = publication::calibration(header, history, config, &solution);
+    for (moved, triad) in moved.into_iter().zip([&mut calibration.accelerometer, &mut calibration.gyroscope]) {
+        if let (Some(moved), Some(triad)) = (moved, triad) {
+            triad.notes.push(moved.note.clone());
+        }
+    }
+    let mut gate = ChangeGate::default();
+    let round = gate.round(history, fixture, config.fit.refit);
+    let mut calibration = gate.calibration(calibration, true, round);
+    if let Some(calibration) = &mut calibration {
+        noise.describe(calibration);
+    }
+    Refitted { segments, coverage, calibration }
 }
 
 impl Motion {

@@ -1,11 +1,13 @@
 //! Channels to IMUs: the topic and vector of each triad of each IMU, and reasons against an assignment.
 
+pub(super) mod assignment;
 pub(super) mod axes;
 pub(super) mod batch;
 pub(super) mod channel_role;
 pub(super) mod first_readings;
 pub(super) mod heading;
 pub(super) mod known_types;
+pub(super) mod obstacles;
 pub(super) mod paired_topics;
 pub(super) mod position;
 pub(super) mod refusal;

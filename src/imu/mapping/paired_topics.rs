@@ -1,6 +1,8 @@
 //! One IMU on two topics, as RealSense cameras and PX4 publish it. The two topics are matched by their types and by the
 //! common part of their names.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use serde::{Deserialize, Serialize};
 
 use super::route::Route;
@@ -40,13 +42,52 @@ impl PairedTopic {
     }
 
     /// Key that both halves of an IMU share.
-    pub(in crate::imu) fn common(&self) -> (String, String) {
+    fn common(&self) -> (String, String) {
         (self.key.clone(), self.family.clone())
     }
 
     /// Whether the two are halves of one IMU.
     pub(in crate::imu) fn fits(&self, other: &Self) -> bool {
         self.side != other.side && self.key == other.key && self.family == other.family
+    }
+}
+
+/// Halves of IMUs seen so far, by their channels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::imu) struct Halves {
+    all: BTreeMap<u16, PairedTopic>,
+    /// Channels of known types, by what both halves of an IMU share.
+    known: BTreeMap<(String, String), BTreeSet<u16>>,
+}
+
+impl Halves {
+    /// Adds a half of a type that is not known. Returns the other half, if it has one vector as this one has.
+    pub(in crate::imu) fn add_unknown(&mut self, channel_id: u16, half: &PairedTopic) -> Option<(u16, PairedTopic)> {
+        let other = self.all.iter().find(|(_, other)| half.vector.is_some() && other.fits(half));
+        let other = other.map(|(&id, other)| (id, other.clone()));
+        self.all.insert(channel_id, half.clone());
+        other
+    }
+
+    /// Adds a half of a known type. Returns the other half, if it was added before.
+    pub(in crate::imu) fn add_known(&mut self, channel_id: u16, half: &PairedTopic) -> Option<(u16, PairedTopic)> {
+        let alike = self.known.entry(half.common()).or_default();
+        let mut others = alike.iter().filter_map(|id| Some((*id, self.all.get(id)?)));
+        let other = others.find(|(_, other)| other.fits(half)).map(|(id, other)| (id, other.clone()));
+        alike.insert(channel_id);
+        self.all.insert(channel_id, half.clone());
+        other
+    }
+
+    /// Topics that have a gyroscope, no accelerometer and no other half.
+    pub(in crate::imu) fn gyroscopes_alone(&self) -> impl Iterator<Item = &str> {
+        let alone = |half: &&PairedTopic| {
+            half.side == Side::Gyroscope
+                && half.source.is_none()
+                && (half.gyro.is_some() || half.vector.is_some())
+                && !self.all.values().any(|other| other.fits(half))
+        };
+        self.all.values().filter(alone).map(|half| &*half.topic)
     }
 }
 

@@ -55,6 +55,9 @@ impl fmt::Display for Cause {
     }
 }
 
+/// Number of zeros from the start after which a triad is reported as absent.
+pub(in crate::imu) const ZEROS: u64 = 100;
+
 /// Number of refusals of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefusalCount {
