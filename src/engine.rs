@@ -36,7 +36,7 @@ mod drift;
 mod event;
 mod fault;
 mod fault_detection;
-mod givens;
+mod fit_inputs;
 mod guidance;
 mod gyroscope_faults;
 mod heading_doubt;
@@ -64,14 +64,14 @@ mod solution;
 mod solve;
 mod status;
 mod temperature;
+mod temperature_courses;
 mod turn_outcome;
+mod turn_trial;
 mod turn_verdict;
-mod turning;
 mod unit_probe;
 mod units;
 mod unused_rotations;
 mod vertical_scales;
-mod warmth;
 
 use std::collections::BTreeMap;
 

@@ -29,7 +29,7 @@ pub use mapping::refusal::{Cause, Notice, RefusalCount};
 pub use mapping::registry::{Imu, Triad};
 pub use mapping::suggestion::Suggestion;
 pub use mapping::time_source::header_stamp;
-pub use preset::{DATASHEETS, Datasheet, Preset, Promise};
+pub use preset::{DATASHEETS, Datasheet, Preset, TriadDatasheet};
 pub use sample::{ImuId, Quantity, Reading, Sample, Sensor};
 pub use schema::layout::{Layout, Place, SchemaError};
 pub use schema::lookup::PathError;

@@ -5,7 +5,6 @@
 
 mod account;
 mod calendar;
-mod calm;
 mod course;
 mod cross_terms;
 mod drift;
@@ -21,6 +20,7 @@ mod numbers;
 mod page;
 mod parameters;
 mod plot;
+mod span_means;
 mod timeline;
 mod words;
 pub(crate) mod yaml;

@@ -17,7 +17,7 @@ mod preintegrator;
 mod range_end;
 mod reading;
 mod rotation;
-mod timebase;
+mod sample_clock;
 mod whole_turn;
 
 pub use declared::{Contradiction, contradiction};

@@ -92,7 +92,7 @@ fn bar(timeline: &Timeline, columns: usize) -> Vec<String> {
     }
     let text = |letters: Vec<char>| letters.into_iter().collect::<String>();
     vec![
-        format!("  {}", style(format!("{seconds:.0} s: █ rest on a face, ░ rejected, · motion")).dim()),
+        format!("  {}", style(format!("{seconds:.0} s: █ accepted rest, ░ rejected, · motion")).dim()),
         format!("  {}", text(marks)),
         format!("  {}", text(names).trim_end()),
     ]

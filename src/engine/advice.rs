@@ -2,14 +2,14 @@
 
 use nalgebra::Vector3;
 
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::model_trial::{ModelTrial, Trial, assumptions, is_precise};
 use super::observations;
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::Advice;
-use super::turn_outcome::Turning;
-use super::turning;
+use super::turn_outcome::TurnOutcome;
+use super::turn_trial;
 use crate::fit::accelerometer::{Observation, fit, fit_with};
 use crate::fit::turn_fit::TurnEstimate;
 use crate::fit::{Estimate, Estimator, Loss, Model, Parameterisation, PosePlan, PoseSearch};
@@ -29,9 +29,9 @@ const ROUND: usize = 6;
 pub(super) struct PoseAdviser<'a> {
     pub(super) entries: &'a [JudgedRest],
     pub(super) judge: &'a Judge<'a>,
-    pub(super) givens: &'a Givens<'a>,
+    pub(super) inputs: &'a FitInputs<'a>,
     pub(super) trial: &'a ModelTrial,
-    pub(super) turning: Option<&'a Turning>,
+    pub(super) turning: Option<&'a TurnOutcome>,
 }
 
 impl PoseAdviser<'_> {
@@ -41,7 +41,7 @@ impl PoseAdviser<'_> {
         let now = self.trial.fit.as_ref().ok()?;
         let sound = self.trial.doubts.is_empty() && self.trial.drift.is_none() && now.active.is_empty();
         let simple = config.estimator == Estimator::Magnitude && config.loss == Loss::Square;
-        if !sound || !simple || self.givens.reference.is_some() || config.half_life_s.is_some() {
+        if !sound || !simple || self.inputs.reference.is_some() || config.half_life_s.is_some() {
             return None;
         }
         match (now.shape, self.trial.poses) {
@@ -68,7 +68,7 @@ impl PoseAdviser<'_> {
         let poses = self.poses(now);
         let candidates: Vec<Vector3<f64>> = poses.iter().map(|(_, up)| *up).collect();
         let seen = self.in_any_pose(now);
-        let trial = Trial { shape: Parameterisation::TRIANGULAR, givens: self.givens };
+        let trial = Trial { shape: Parameterisation::TRIANGULAR, inputs: self.inputs };
         let given = assumptions(self.judge, &trial, now.calibration());
         let told = self.turns().map(|found| &found.told);
         let search = PoseSearch { seen: &seen, given: &given, told, scatter: scatter(now, self.judge) };
@@ -110,7 +110,7 @@ impl PoseAdviser<'_> {
     }
 
     fn advice(&self, now: &Estimate, first: String, poses: usize, after: &Estimate) -> Advice {
-        let error = [now, after].map(|fit| fit.worst_case_error(self.givens.gravity.value));
+        let error = [now, after].map(|fit| fit.worst_case_error(self.inputs.gravity.value));
         Advice { first, poses, error, worthwhile: error[1] <= WORTHWHILE * error[0] }
     }
 
@@ -136,14 +136,14 @@ impl PoseAdviser<'_> {
 
     /// Fit with further placements on faces, by the model of now.
     fn on_faces(&self, now: &Estimate, ups: &[Vector3<f64>]) -> Option<Estimate> {
-        let trial = Trial { shape: now.shape, givens: self.givens };
+        let trial = Trial { shape: now.shape, inputs: self.inputs };
         let given = assumptions(self.judge, &trial, now.calibration());
         let seen: Vec<_> = self.trial.seen.iter().map(|placed| placed.observation).collect();
         let search = PoseSearch { seen: &seen, given: &given, told: None, scatter: scatter(now, self.judge) };
         let seen = search.after(ups);
         match (now.shape, self.turns().filter(|_| self.turning.is_some_and(|turning| turning.completed))) {
             (Parameterisation::TRIANGULAR, Some(found)) => {
-                turning::triangular(&seen, self.trial.poses, found, self.judge, self.givens)
+                turn_trial::triangular(&seen, self.trial.poses, found, self.judge, self.inputs)
             }
             _ => fit(&seen, &given).ok(),
         }
@@ -153,7 +153,7 @@ impl PoseAdviser<'_> {
     fn in_poses(&self, now: &Estimate, search: &PoseSearch<'_>, ups: &[Vector3<f64>]) -> Option<Estimate> {
         let seen = search.after(ups);
         let spread = (seen.len() >= Parameterisation::TRIANGULAR.unknowns()).then(|| fit(&seen, search.given).ok());
-        match spread.flatten().filter(|fit| fit.agrees() && is_precise(fit, self.judge, self.givens)) {
+        match spread.flatten().filter(|fit| fit.agrees() && is_precise(fit, self.judge, self.inputs)) {
             Some(spread) => match search.told {
                 Some(told) => fit_with(&seen, search.given, Some(told)).ok(),
                 None => Some(spread),
@@ -177,7 +177,7 @@ impl PoseAdviser<'_> {
             entry.verdict.reason = Reason::Accepted;
         }
         self.judge.assign_faces(&mut entries, &now.calibration(), Poses::Any);
-        let placed = observations::placements(&entries, self.judge, Poses::Any, self.givens.step);
+        let placed = observations::placements(&entries, self.judge, Poses::Any, self.inputs.step);
         placed.into_iter().map(|placed| placed.observation).collect()
     }
 }

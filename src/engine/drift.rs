@@ -8,7 +8,7 @@ use nalgebra::{DVector, Vector3};
 use super::observations::{self, Placed};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
-use super::turn_outcome::Turning;
+use super::turn_outcome::TurnOutcome;
 use crate::Stamp;
 use crate::fit::accelerometer::{self, Assumptions, Observation};
 use crate::fit::{self, Calibration, Estimate, Fixture, Hint, Slope, Wandering, slope, unexcluded, wandering};
@@ -53,11 +53,24 @@ pub(super) struct Fitted<'a> {
     /// Estimate, if the fit has one.
     pub(super) fit: Option<&'a Estimate>,
     /// Turns between the rests.
-    pub(super) turning: Option<&'a Turning>,
+    pub(super) turning: Option<&'a TurnOutcome>,
+}
+
+/// What the placements say of a bias that moved.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Suspicion {
+    /// Movement that is found, or hinted at.
+    pub(super) drift: Option<Drift>,
+    /// Possible error of the parameters by a movement that may be chance: half of a 95 % interval.
+    pub(super) doubted: Option<DVector<f64>>,
 }
 
 /// Looks for a bias that moved.
-pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Option<Drift> {
+pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Suspicion {
+    look(fitted, judge, poses).unwrap_or_default()
+}
+
+fn look(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Option<Suspicion> {
     let Fitted { entries, given, step, calibration, fit, .. } = fitted;
     // Ageing is switched off: it only sets how much a fit trusts old placements.
     let ageless = fit::Config { half_life_s: None, ..judge.fit.clone() };
@@ -73,16 +86,24 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
     all.extend(fitted.left_out.iter().map(timed));
     let found = match fitted.left_out.is_empty() {
         true => look(&kept),
-        false => look(&all).filter(|found| found.is_certain).or_else(|| look(&kept)),
+        false => look(&all).filter(|found| found.is_beyond_chance() && found.is_certain).or_else(|| look(&kept)),
     };
+    let starts: BTreeMap<u32, f64> = kept.iter().map(|(time, seen)| (seen.placement, *time)).collect();
+    let forgets = judge.fit.half_life_s.is_some();
     let faces = faces(seen, judge.fixture, calibration, judge.fit.placement_std);
     let stds: Vec<_> = fit.map_or(Vec::new(), |fit| (0..fit.parameters.len()).map(|i| fit.std(i)).collect());
     let last = kept.iter().map(|(time, _)| *time).fold(0.0, f64::max);
-    let Some(found) = found else {
-        let hint = unexcluded(&kept, given, calibration, &told.hints, &stds, turns.as_ref())?;
-        let course = Course::Hinted(hint.axis, hint.change, hint.time);
-        let moved = DVector::zeros(stds.len());
-        return Some(Drift { course, faces: Vec::new(), half_life: None, moved, followed: false });
+    let Some(found) = found.filter(Wandering::is_beyond_chance) else {
+        let doubted = found.zip(*fit).map(|(found, fit)| doubted(fit, &found, &starts, forgets));
+        let hint = unexcluded(&kept, given, calibration, &told.hints, &stds, turns.as_ref());
+        let drift = hint.map(|hint| Drift {
+            course: Course::Hinted(hint.axis, hint.change, hint.time),
+            faces: Vec::new(),
+            half_life: None,
+            moved: DVector::zeros(stds.len()),
+            followed: false,
+        });
+        return Some(Suspicion { drift, doubted });
     };
     let course = match found.is_step(0.0, last) {
         true => {
@@ -91,16 +112,13 @@ pub(super) fn drift(fitted: &Fitted<'_>, judge: &Judge<'_>, poses: Poses) -> Opt
         }
         false => Course::Ramp(found.change, last),
     };
-    let starts: BTreeMap<u32, f64> = kept.iter().map(|(time, seen)| (seen.placement, *time)).collect();
-    let moved = fit.map_or(DVector::zeros(0), |fit| moved(fit, &found, &starts, judge.fit.half_life_s.is_some()));
+    let moved = fit.map_or(DVector::zeros(0), |fit| moved(fit, &found, &starts, forgets));
     let within = |moved: &DVector<f64>, stds: &[f64]| {
         !moved.is_empty() && moved.iter().zip(stds).all(|(moved, std)| moved.abs() <= *std)
     };
-    let followed = judge.fit.half_life_s.is_some() && within(&moved, &stds);
-    let half_life = (judge.fit.half_life_s.is_none() && fit.is_some())
-        .then(|| follows(fitted, judge, poses, &found, &starts))
-        .flatten();
-    Some(Drift { course, faces, half_life, moved, followed })
+    let followed = forgets && within(&moved, &stds);
+    let half_life = (!forgets && fit.is_some()).then(|| follows(fitted, judge, poses, &found, &starts)).flatten();
+    Some(Suspicion { drift: Some(Drift { course, faces, half_life, moved, followed }), doubted: None })
 }
 
 /// Longest half-life with which a fit of these rests lags by no more than its intervals.
@@ -136,9 +154,22 @@ fn shifted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, share
 /// Largest shift of a fit, relative to the beginning or to now, if the change was as large as it may have been.
 fn moved(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets: bool) -> DVector<f64> {
     let beyond = found.change.zip_map(&found.std, |change: f64, std: f64| change + change.signum() * 2.0 * std);
-    let most = Wandering { change: beyond, ..*found };
+    most_shifted(fit, &Wandering { change: beyond, ..*found }, starts, forgets)
+}
+
+/// Shift of a fit by a change that may be chance, less the less it explains.
+fn doubted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets: bool) -> DVector<f64> {
+    /// Shares of what chance may explain at which a change begins to count, and from which it counts whole.
+    const BEGINS: f64 = 0.5;
+    const WHOLE: f64 = 0.9;
+    let share = ((found.over - BEGINS) / (WHOLE - BEGINS)).clamp(0.0, 1.0);
+    most_shifted(fit, found, starts, forgets) * share
+}
+
+/// Largest shift of a fit, relative to the beginning or to now.
+fn most_shifted(fit: &Estimate, found: &Wandering, starts: &BTreeMap<u32, f64>, forgets: bool) -> DVector<f64> {
     // A fit that forgets is for the present.
-    let ends = if forgets { [1.0, 1.0] } else { [0.0, 1.0] }.map(|share| shifted(fit, &most, starts, share));
+    let ends = if forgets { [1.0, 1.0] } else { [0.0, 1.0] }.map(|share| shifted(fit, found, starts, share));
     ends[0].zip_map(&ends[1], |one: f64, other: f64| if one.abs() > other.abs() { one } else { other })
 }
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::clock_drift::ClockDrift;
 use super::fault::{Fault, FaultKind};
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::observations;
 use super::rest_history::JudgedRest;
 use super::solution::Solution;
@@ -21,7 +21,7 @@ pub(super) fn detect(
     segmenter: &Segmenter,
     entries: &[JudgedRest],
     clock: &ClockDrift,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     solution: &Solution,
 ) -> Vec<Fault> {
     let Some(signal) = segmenter.signal(Sensor::Gyroscope) else { return Vec::new() };
@@ -50,17 +50,17 @@ pub(super) fn detect(
         );
         fault(FaultKind::Clock, text)
     });
-    let clipped = clipped(segmenter, entries, givens).map(|text| fault(FaultKind::Clipped, text));
+    let clipped = clipped(segmenter, entries, inputs).map(|text| fault(FaultKind::Clipped, text));
     silenced.into_iter().chain(drifting).chain(clock).chain(clipped).collect()
 }
 
 /// Text on turns between rests that reach the end of the range, if any do.
-fn clipped(segmenter: &Segmenter, entries: &[JudgedRest], givens: &Givens<'_>) -> Option<String> {
+fn clipped(segmenter: &Segmenter, entries: &[JudgedRest], inputs: &FitInputs<'_>) -> Option<String> {
     let noise = observations::gyroscope_noise(segmenter);
     let tells = |entry: &&JudgedRest| observations::tells_of_rates(entry, noise);
     let stood: BTreeSet<_> = entries.iter().filter(tells).map(|entry| entry.rest.start).collect();
-    let turns = givens.turns.turns(|start| stood.contains(&start));
-    let clipped = turns.iter().filter(|turn| turn.unusable(givens.gyro_range) == Some(Unusable::Clipped));
+    let turns = inputs.turns.turns(|start| stood.contains(&start));
+    let clipped = turns.iter().filter(|turn| turn.unusable(inputs.gyro_range) == Some(Unusable::Clipped));
     let peak = clipped.clone().map(|turn| turn.peak()).reduce(f64::max)?;
     Some(format!(
         "{} of {} without use: the rate reached the end of the range, {:.0} °/s ({peak:.3} rad/s). Turn it more slowly, or set a wider \
@@ -90,7 +90,7 @@ fn drift(rests: &[&JudgedRest], solution: &Solution) -> Option<Vector3<f64>> {
     const EXPLAINED: f64 = 0.9;
     /// Least change over the standard deviation of the bias.
     const BEYOND: f64 = 5.0;
-    if solution.warmth.as_ref().is_some_and(|warmth| warmth.gyroscope.is_ok()) {
+    if solution.temperature.as_ref().is_some_and(|courses| courses.gyroscope.is_ok()) {
         return None;
     }
     let fit = solution.gyroscope.as_ref()?;

@@ -3,15 +3,15 @@
 
 use nalgebra::Vector3;
 
-use super::drift::{Drift, Fitted, drift};
-use super::givens::{Givens, per_axis};
+use super::drift::{Drift, Fitted, Suspicion, drift};
+use super::fit_inputs::{FitInputs, per_axis};
 use super::observations::{self, Placed};
 use super::outliers::{self, Doubt, LeftOut, Sound};
 use super::reference::Reference;
 use super::refusal::{Refusal, held_back};
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
-use super::turn_outcome::Turning;
+use super::turn_outcome::TurnOutcome;
 use crate::fit::accelerometer::{Assumptions, Observation};
 use crate::fit::{Bounds, Calibration, Estimate, Loss, Parameterisation, accelerometer, known_poses};
 use crate::messages::segment::Reason;
@@ -19,7 +19,7 @@ use crate::messages::segment::Reason;
 /// Model to try.
 pub(super) struct Trial<'a> {
     pub(super) shape: Parameterisation,
-    pub(super) givens: &'a Givens<'a>,
+    pub(super) inputs: &'a FitInputs<'a>,
 }
 
 /// Result of a trial of one model of the primary accelerometer.
@@ -49,7 +49,7 @@ impl ModelTrial {
         judge: &Judge<'_>,
         trial: &Trial<'_>,
         start: Calibration,
-        turning: Option<&Turning>,
+        turning: Option<&TurnOutcome>,
     ) {
         if trial.shape == Parameterisation::MATRIX || judge.fit.loss != Loss::Square {
             return;
@@ -61,15 +61,16 @@ impl ModelTrial {
             seen: &self.seen,
             left_out: &self.contradicting,
             given: &given,
-            step: trial.givens.step,
+            step: trial.inputs.step,
             calibration,
             fit: self.fit.as_ref().ok(),
             turning,
         };
-        self.drift = drift(&fitted, judge, self.poses);
-        if let (Some(drift), Ok(fit)) = (&self.drift, &mut self.fit) {
-            fit.widen(&drift.moved);
+        let Suspicion { drift, doubted } = drift(&fitted, judge, self.poses);
+        if let Ok(fit) = &mut self.fit {
+            drift.iter().map(|drift| &drift.moved).chain(&doubted).for_each(|moved| fit.widen(moved));
         }
+        self.drift = drift;
     }
 }
 
@@ -77,7 +78,7 @@ impl ModelTrial {
 pub(super) fn on_reference(
     entries: &mut [JudgedRest],
     judge: &Judge<'_>,
-    &Trial { shape, givens }: &Trial<'_>,
+    &Trial { shape, inputs }: &Trial<'_>,
     reference: &Reference,
     start: Calibration,
 ) -> ModelTrial {
@@ -85,7 +86,7 @@ pub(super) fn on_reference(
     let fit = reference.accelerometer(shape, judge.fit, floor);
     let calibration = fit.as_ref().map_or(start, Estimate::calibration);
     judge.assign_faces(entries, &calibration, poses);
-    let seen = observations::placements(entries, judge, poses, givens.step);
+    let seen = observations::placements(entries, judge, poses, inputs.step);
     ModelTrial { fit, seen, ..ModelTrial::new(poses) }
 }
 
@@ -109,7 +110,7 @@ pub(super) fn on_rests(
             break;
         }
         before = verdicts;
-        attempt.seen = observations::placements(entries, judge, poses, trial.givens.step);
+        attempt.seen = observations::placements(entries, judge, poses, trial.inputs.step);
         let sound = fit_accelerometer(&mut attempt.seen, judge, trial, calibration);
         attempt.fit = sound.map(|Sound { fit, left_out, doubts }| {
             leave_out(entries, &left_out);
@@ -155,8 +156,8 @@ fn fit_accelerometer(
     trial: &Trial<'_>,
     start: Calibration,
 ) -> Result<Sound, Refusal> {
-    let &Trial { shape, givens } = trial;
-    let (config, gravity) = (judge.fit, givens.gravity);
+    let &Trial { shape, inputs } = trial;
+    let (config, gravity) = (judge.fit, inputs.gravity);
     match shape {
         Parameterisation::TRIANGULAR if seen.len() < shape.unknowns() => {
             return Err(Refusal::TooFewPlacements { needed: shape.unknowns(), seen: seen.len() });
@@ -193,21 +194,21 @@ fn fit_accelerometer(
             _ => Refusal::Contradicting { rms, limit, at_bounds },
         });
     }
-    if shape == Parameterisation::TRIANGULAR && !is_precise(fit, judge, givens) {
-        let (worst, limit) = (fit.direction_error(gravity.value), error_limit(fit, judge, givens));
+    if shape == Parameterisation::TRIANGULAR && !is_precise(fit, judge, inputs) {
+        let (worst, limit) = (fit.direction_error(gravity.value), error_limit(fit, judge, inputs));
         return Err(Refusal::Weak { worst, limit, condition: fit.condition });
     }
     Ok(sound)
 }
 
 /// Whether spread poses determine a fit well enough to be published.
-pub(super) fn is_precise(fit: &Estimate, judge: &Judge<'_>, givens: &Givens<'_>) -> bool {
-    fit.direction_error(givens.gravity.value) <= error_limit(fit, judge, givens)
+pub(super) fn is_precise(fit: &Estimate, judge: &Judge<'_>, inputs: &FitInputs<'_>) -> bool {
+    fit.direction_error(inputs.gravity.value) <= error_limit(fit, judge, inputs)
 }
 
 /// Largest error of a corrected reading in one direction with which a fit is published, m/s².
-fn error_limit(fit: &Estimate, judge: &Judge<'_>, givens: &Givens<'_>) -> f64 {
-    let kept = givens.kept == Some(fit.shape);
+fn error_limit(fit: &Estimate, judge: &Judge<'_>, inputs: &FitInputs<'_>) -> f64 {
+    let kept = inputs.kept == Some(fit.shape);
     judge.fit.max_error * if kept { HYSTERESIS } else { 1.0 }
 }
 
@@ -217,7 +218,7 @@ pub(super) fn assumptions<'a>(judge: &Judge<'a>, trial: &Trial<'_>, start: Calib
     Assumptions {
         shape: trial.shape,
         estimator: config.estimator,
-        gravity: trial.givens.gravity,
+        gravity: trial.inputs.gravity,
         placement_std: config.placement_std,
         cross_axis_std: config.cross_axis_std,
         nonlinearity: config.nonlinearity,

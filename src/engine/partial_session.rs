@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use super::config::{Config, Secondary};
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::model_trial::{Trial, assumptions};
 use super::observations;
 use super::partial::Partial;
@@ -36,26 +36,26 @@ const MOUNTED: f64 = 0.035;
 pub(super) fn learn(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     config: &Config,
     solution: &Solution,
 ) -> Partial {
-    let session = PartialSession { entries, judge, givens, solution };
+    let session = PartialSession { entries, judge, inputs, solution };
     let secondary = config.secondary.iter().enumerate().map(|(i, secondary)| session.secondary(i, secondary));
-    let gyroscope = vertical_scales::learn(entries, judge, givens, solution);
+    let gyroscope = vertical_scales::learn(entries, judge, inputs, solution);
     Partial { accelerometer: session.primary(), secondary: secondary.collect(), gyroscope }
 }
 
 struct PartialSession<'a> {
     entries: &'a [JudgedRest],
     judge: &'a Judge<'a>,
-    givens: &'a Givens<'a>,
+    inputs: &'a FitInputs<'a>,
     solution: &'a Solution,
 }
 
 impl PartialSession<'_> {
     fn primary(&self) -> Result<Vec<Combination>, Refusal> {
-        let &Self { judge, givens, solution, .. } = self;
+        let &Self { judge, inputs, solution, .. } = self;
         let Err(why) = &solution.accelerometer else { return Ok(Vec::new()) };
         if !why.is_of_too_little() || !solution.doubts.is_empty() {
             return Ok(Vec::new());
@@ -74,13 +74,13 @@ impl PartialSession<'_> {
                 USUAL_TILT * judge.fit.max_tilt_deg
             }
         };
-        let placed = observations::placements(&entries, judge, Poses::Any, givens.step);
+        let placed = observations::placements(&entries, judge, Poses::Any, inputs.step);
         let shown = placed.iter().map(|placed| {
             let face = self.face(&placed.observation.mean).filter(|(face, _)| *face == placed.face);
             Shown { observation: placed.observation, face: face.map(|(face, _)| face) }
         });
         let shown: Vec<_> = shown.collect();
-        let given = assumptions(judge, &Trial { shape, givens }, solution.guessed);
+        let given = assumptions(judge, &Trial { shape, inputs }, solution.guessed);
         let found = partial::combinations(&shown, &given, tilt.to_radians())
             .map_err(|Disagreement { rms, limit }| Refusal::Contradicting { rms, limit, at_bounds: Vec::new() })?;
         Ok(found.iter().map(message).collect())
@@ -96,7 +96,7 @@ impl PartialSession<'_> {
 
     /// Combinations of a secondary accelerometer that waits for the primary one, whose faces it has.
     fn secondary(&self, index: usize, secondary: &Secondary) -> Vec<Combination> {
-        let &Self { entries, judge, givens, solution } = self;
+        let &Self { entries, judge, inputs, solution } = self;
         let waits = matches!(solution.secondary.get(index), Some(Err(Refusal::WaitsForPrimary)));
         let is_sound = matches!(&solution.accelerometer, Err(why) if why.is_of_too_little());
         if !waits || !is_sound || secondary.model != SecondaryModel::BiasScale {
@@ -123,7 +123,7 @@ impl PartialSession<'_> {
             cross_axis_std: libm::hypot(judge.fit.cross_axis_std, MOUNTED),
             nonlinearity: 0.0,
             bounds: &bounds,
-            ..assumptions(judge, &Trial { shape, givens }, Calibration { bias, ..Calibration::default() })
+            ..assumptions(judge, &Trial { shape, inputs }, Calibration { bias, ..Calibration::default() })
         };
         let tilt = USUAL_TILT * judge.fit.max_tilt_deg.to_radians();
         let found = partial::combinations(&shown, &given, tilt).unwrap_or_default();

@@ -3,7 +3,7 @@
 
 use super::config::Config;
 use crate::fit::{self, Bound, Bounds};
-use crate::imu::{Preset, Promise};
+use crate::imu::{Preset, TriadDatasheet};
 use crate::still;
 
 /// Factor from the noise of a datasheet to the ceiling of the floor: a bench is noisier.
@@ -14,7 +14,7 @@ impl Config {
     pub fn of(mut self, preset: Preset) -> Self {
         let sheet = preset.datasheet();
         let (still, bounds) = (still::Config::default(), Bounds::default());
-        let Promise { noise, bias, scale, placement, cross_axis, .. } = sheet.accelerometer;
+        let TriadDatasheet { noise, bias, scale, placement, cross_axis, .. } = sheet.accelerometer;
         set(&mut self.still.accel_ceiling, still.accel_ceiling, noise.map(|noise| BENCH * noise));
         set(&mut self.fit.bounds.accel_bias, bounds.accel_bias, bias.map(either_way));
         set(&mut self.fit.bounds.accel_scale, bounds.accel_scale, scale.map(Bound::from));
@@ -22,7 +22,7 @@ impl Config {
         set(&mut self.fit.placement_std, fit.placement_std, placement);
         set(&mut self.fit.cross_axis_std, fit.cross_axis_std, cross_axis);
         set(&mut self.fit.nonlinearity, fit.nonlinearity, sheet.accelerometer.squared_at_one_g());
-        if let Some(Promise { noise, bias, scale, .. }) = sheet.gyroscope {
+        if let Some(TriadDatasheet { noise, bias, scale, .. }) = sheet.gyroscope {
             set(&mut self.still.gyro_ceiling, still.gyro_ceiling, noise.map(|noise| BENCH * noise));
             set(&mut self.fit.bounds.gyro_bias, bounds.gyro_bias, bias.map(either_way));
             set(&mut self.fit.bounds.gyro_scale, bounds.gyro_scale, scale.map(Bound::from));
@@ -34,7 +34,7 @@ impl Config {
 
 /// Bounds for a secondary accelerometer of a known type.
 pub(super) fn secondary_bounds(mut bounds: Bounds, preset: Preset) -> Bounds {
-    let Promise { bias, scale, .. } = preset.datasheet().accelerometer;
+    let TriadDatasheet { bias, scale, .. } = preset.datasheet().accelerometer;
     let default = Bounds::default();
     set(&mut bounds.secondary_bias, default.secondary_bias, bias.map(either_way));
     set(&mut bounds.secondary_scale, default.secondary_scale, scale.map(Bound::from));

@@ -136,10 +136,10 @@ fn accelerometer(config: &Config, solution: &Solution) -> Triad {
     notes.extend(guidance::caveats(solution, fit, config.fit.placement_std));
     notes.extend(solution.coarse_step.map(guidance::coarse));
     notes.push(guidance::assumed_gravity(solution.gravity));
-    let warmth = solution.warmth.as_ref().map(|warmth| &warmth.accelerometer);
-    notes.extend(warmth.map(|course| temperature::note(course, true)));
+    let courses = solution.temperature.as_ref().map(|courses| &courses.accelerometer);
+    notes.extend(courses.map(|course| temperature::note(course, true)));
     Triad {
-        temperature: warmth.and_then(|course| course.as_ref().ok()).map(temperature::model),
+        temperature: courses.and_then(|course| course.as_ref().ok()).map(temperature::model),
         status: status::message(status::accelerometer(solution)).into(),
         worst_case_error: Some(fit.worst_case_error(solution.gravity.value)),
         notes,
@@ -190,11 +190,11 @@ fn gyroscope(config: &Config, solution: &Solution) -> Triad {
     let is_contradicted = solution.faults.iter().any(|fault| fault.kind == FaultKind::Flipped);
     let unconfirmed = (!solution.unit_confirmed && notes.is_empty() && !is_contradicted && !config.reference)
         .then(|| units::unconfirmed_unit(unit));
-    let warmth = solution.warmth.as_ref().map(|warmth| &warmth.gyroscope);
-    let warm = warmth.map(|course| temperature::note(course, false));
+    let courses = solution.temperature.as_ref().map(|courses| &courses.gyroscope);
+    let warm = courses.map(|course| temperature::note(course, false));
     let notes = held_back(fit).into_iter().chain(notes).chain(some_turned).chain(turned).chain(unconfirmed);
     let notes = notes.chain(warm).chain(guidance::one_scale(solution)).collect();
-    let named = Triad { temperature: warmth.and_then(|course| course.as_ref().ok()).map(temperature::model), ..named };
+    let named = Triad { temperature: courses.and_then(|course| course.as_ref().ok()).map(temperature::model), ..named };
     let known = &solution.partial.gyroscope;
     let by_turns = solution.turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     match (by_turns, &solution.gyro_at_rest) {

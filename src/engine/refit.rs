@@ -68,9 +68,9 @@ pub fn refit(
     rests.into_iter().for_each(|rest| session.history.add(rest));
     let mut solution = session.solve(None, turns);
     let moved = motion.replace(&mut solution);
-    if let Some(warmth) = &mut solution.warmth {
+    if let Some(courses) = &mut solution.temperature {
         // A bias that is that of a time is not that of a temperature.
-        warmth.give_up(moved.map(|moved| moved.is_some()));
+        courses.give_up(moved.map(|moved| moved.is_some()));
     }
     let Session { config, fixture, history, noise, .. } = &session;
     let stamp = history.entries().iter().map(|entry| entry.rest.end).max().unwrap_or_default();

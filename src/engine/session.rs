@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::axes::{self, Stood};
 use super::clock_drift::ClockDrift;
 use super::config::Config;
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::headings::{HeadingChanges, Headings};
 use super::noise::Noise;
 use super::reference::Reference;
@@ -166,11 +166,11 @@ impl Session {
         });
         let heading = changes.filter(|_| doubt.is_none());
         let rotations = Rotations { declared: &config.fit.rotations, first, heading };
-        let givens = Givens { gravity, step, kept, reference, turns, past_turns, rotations, gyro_range };
-        let mut solution = solve::solve(history.entries_mut(), &judge, config, &givens);
-        if let Some(warmth) = temperature::learn(history.entries(), &solution, &judge, &givens, config) {
-            let solve = |entries: &mut [_]| solve::solve(entries, &judge, config, &givens);
-            solution = temperature::at_reference(history.entries_mut(), warmth, solution, solve);
+        let inputs = FitInputs { gravity, step, kept, reference, turns, past_turns, rotations, gyro_range };
+        let mut solution = solve::solve(history.entries_mut(), &judge, config, &inputs);
+        if let Some(courses) = temperature::learn(history.entries(), &solution, &judge, &inputs, config) {
+            let solve = |entries: &mut [_]| solve::solve(entries, &judge, config, &inputs);
+            solution = temperature::at_reference(history.entries_mut(), courses, solution, solve);
         }
         let unit = config.gyro_unit.unwrap_or_default();
         solution.turned = match probe {
@@ -186,12 +186,12 @@ impl Session {
         let force = force.map(|(gravity, scale)| units::not_metres(gravity, scale));
         solution.faults = fault_detection::detect(segmenter, history.entries(), config, force, &solution);
         solution.faults.extend(replay::detect(history.entries()));
-        solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &givens, &solution));
+        solution.faults.extend(gyroscope_faults::detect(segmenter, history.entries(), clock, &inputs, &solution));
         fault_detection::attribute(&mut solution.faults);
         fault_detection::veto(&mut solution);
         guidance::lay_to_unit(history.entries_mut(), &solution);
         solution.heading_doubt = doubt;
-        solution.partial = partial_session::learn(history.entries(), &judge, &givens, config, &solution);
+        solution.partial = partial_session::learn(history.entries(), &judge, &inputs, config, &solution);
         solution
     }
 

@@ -5,8 +5,8 @@ use super::fault::Fault;
 use super::heading_doubt::HeadingDoubt;
 use super::partial::Partial;
 use super::refusal::Refusal;
-use super::turn_outcome::Turning;
-use super::warmth::Warmth;
+use super::temperature_courses::TemperatureCourses;
+use super::turn_outcome::TurnOutcome;
 use crate::fit::{Calibration, Estimate, Gravity, Parameterisation};
 use crate::turns::Explanation;
 
@@ -21,7 +21,7 @@ pub(super) struct Solution {
     pub(super) gyroscope: Option<Estimate>,
     /// Estimate of the gyroscope from its rests alone.
     pub(super) gyro_at_rest: Option<Estimate>,
-    pub(super) turning: Option<Turning>,
+    pub(super) turning: Option<TurnOutcome>,
     pub(super) secondary: Vec<Result<Estimate, Refusal>>,
     /// Number of accepted placements, on all faces.
     pub(super) placements: usize,
@@ -54,7 +54,7 @@ pub(super) struct Solution {
     pub(super) doubts: Vec<String>,
     pub(super) drift: Option<Drift>,
     /// Dependence of the biases on the temperature, if the rests have one.
-    pub(super) warmth: Option<Warmth>,
+    pub(super) temperature: Option<TemperatureCourses>,
     /// Partial knowledge of triads that are not determined.
     pub(super) partial: Partial,
     /// Reason why no turn uses the heading reference.

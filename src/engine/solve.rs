@@ -4,7 +4,7 @@ use nalgebra::{DVector, Vector3};
 
 use super::advice;
 use super::config::Config;
-use super::givens::{Givens, per_axis};
+use super::fit_inputs::{FitInputs, per_axis};
 use super::model_trial::{self, ModelTrial, Trial};
 use super::observations::{self, Placed};
 use super::partial::Partial;
@@ -13,7 +13,7 @@ use super::refusal::{Refusal, held_back};
 use super::rest_history::{JudgedRest, Verdict};
 use super::rest_judge::{Judge, Poses};
 use super::solution::{Missing, Solution};
-use super::turning;
+use super::turn_trial;
 use crate::fit::{
     self, Calibration, Check, EarthLocation, Estimate, Fixture, Gravity, Model, Parameterisation, Reading, Source,
     Term, directions, guess, gyroscope, secondary,
@@ -37,17 +37,22 @@ pub(super) fn gravity(config: &fit::Config, fix: Option<EarthLocation>) -> Gravi
 }
 
 /// Judges every rest anew and fits what the accepted ones, or a reference, determine.
-pub(super) fn solve(entries: &mut [JudgedRest], judge: &Judge<'_>, config: &Config, givens: &Givens<'_>) -> Solution {
-    let models = candidates(config.fit.model, givens.reference.is_some());
-    let solution = solve_by(models, entries, judge, config, givens);
+pub(super) fn solve(
+    entries: &mut [JudgedRest],
+    judge: &Judge<'_>,
+    config: &Config,
+    inputs: &FitInputs<'_>,
+) -> Solution {
+    let models = candidates(config.fit.model, inputs.reference.is_some());
+    let solution = solve_by(models, entries, judge, config, inputs);
     if config.fit.model != Model::Triangular || solution.accelerometer.is_ok() {
         return solution;
     }
     // The turns may add to six faces what spread poses would tell.
-    let beside_turns = solve_by(&[Parameterisation::DIAGONAL], entries, judge, config, givens);
+    let beside_turns = solve_by(&[Parameterisation::DIAGONAL], entries, judge, config, inputs);
     match &beside_turns.accelerometer {
         Ok(fit) if fit.shape == Parameterisation::TRIANGULAR => beside_turns,
-        _ => solve_by(models, entries, judge, config, givens),
+        _ => solve_by(models, entries, judge, config, inputs),
     }
 }
 
@@ -57,7 +62,7 @@ fn solve_by(
     entries: &mut [JudgedRest],
     judge: &Judge<'_>,
     config: &Config,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
 ) -> Solution {
     judge.sort_out(entries);
     let faultless = entries.iter().filter(|entry| entry.verdict.is_accepted());
@@ -70,11 +75,11 @@ fn solve_by(
     let mut unchecked_richer: Option<(ModelTrial, Vec<Verdict>, usize)> = None;
     for &shape in candidates {
         entries.iter_mut().zip(&verdicts).for_each(|(entry, verdict)| entry.verdict = verdict.clone());
-        trial = match givens.reference {
+        trial = match inputs.reference {
             Some(reference) if beside_reference(shape) => {
-                model_trial::on_reference(entries, judge, &Trial { shape, givens }, reference, start)
+                model_trial::on_reference(entries, judge, &Trial { shape, inputs }, reference, start)
             }
-            _ => model_trial::on_rests(entries, judge, &Trial { shape, givens }, start),
+            _ => model_trial::on_rests(entries, judge, &Trial { shape, inputs }, start),
         };
         match &trial.fit {
             // A simpler model may err by less than what a wrong rest could hide here.
@@ -88,7 +93,7 @@ fn solve_by(
         }
     }
     if let Some((richer, verdicts, refused_before)) = unchecked_richer {
-        let error = |trial: &ModelTrial| trial.fit.as_ref().ok().map(|fit| fit.worst_case_error(givens.gravity.value));
+        let error = |trial: &ModelTrial| trial.fit.as_ref().ok().map(|fit| fit.worst_case_error(inputs.gravity.value));
         match (error(&richer), error(&trial)) {
             (Some(worst), Some(simpler)) if simpler < worst => {
                 refused.extend(richer.fit.iter().map(|fit| (fit.shape, Refusal::Unchecked { worst, simpler })));
@@ -103,21 +108,21 @@ fn solve_by(
     if trial.fit.is_err() {
         refused.pop();
     }
-    let mut turning = trial.fit.as_ref().ok().and_then(|fit| turning::fit(entries, judge, givens, fit));
+    let mut turning = trial.fit.as_ref().ok().and_then(|fit| turn_trial::fit(entries, judge, inputs, fit));
     let shape = trial.fit.as_ref().ok().map(|fit| fit.shape);
-    if let Some(shape) = shape.filter(|shape| givens.reference.is_none() || !beside_reference(*shape)) {
-        trial.look_for_drift(entries, judge, &Trial { shape, givens }, start, turning.as_ref());
+    if let Some(shape) = shape.filter(|shape| inputs.reference.is_none() || !beside_reference(*shape)) {
+        trial.look_for_drift(entries, judge, &Trial { shape, inputs }, start, turning.as_ref());
     }
     if let Some(turning) = &mut turning {
-        turning::complete(&mut trial, turning, judge, givens);
+        turn_trial::complete(&mut trial, turning, judge, inputs);
         refused.retain(|(shape, _)| !(turning.completed && *shape == Parameterisation::TRIANGULAR));
     }
     let primary = trial.fit.as_ref().ok();
     let unchecked = primary.map_or(Vec::new(), |fit| unchecked(fit, &trial.seen, judge.fixture));
     let advice =
-        advice::PoseAdviser { entries, judge, givens, trial: &trial, turning: turning.as_ref() }.advise(&unchecked);
-    let solution = others(entries, judge, config, givens, refused, trial);
-    Solution { guessed: start, unchecked, advice, ..turning::of_gyroscope(solution, turning) }
+        advice::PoseAdviser { entries, judge, inputs, trial: &trial, turning: turning.as_ref() }.advise(&unchecked);
+    let solution = others(entries, judge, config, inputs, refused, trial);
+    Solution { guessed: start, unchecked, advice, ..turn_trial::of_gyroscope(solution, turning) }
 }
 
 /// Models to try, the richest first.
@@ -144,7 +149,7 @@ fn others(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
     Config { fit: config, secondary, still, .. }: &Config,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     refused: Vec<(Parameterisation, Refusal)>,
     ModelTrial { fit: accelerometer, seen, ups, poses, doubts, drift, .. }: ModelTrial,
 ) -> Solution {
@@ -162,7 +167,7 @@ fn others(
     let calibration = primary.map(Estimate::calibration);
     let noise = observations::gyroscope_noise(judge.segmenter);
     let mut rates = observations::rates(entries, noise, config, calibration.as_ref());
-    if let Some(place) = givens.gravity.place {
+    if let Some(place) = inputs.gravity.place {
         rates.iter_mut().for_each(|reading| turn_with_the_earth(reading, &place));
     }
     let at_rest = entries.iter().filter(|entry| observations::tells_of_rates(entry, noise));
@@ -174,7 +179,7 @@ fn others(
     let tells_bias = tells_bias_from_turn(&vertical);
     let refusal = steady_turn(entries, &vertical, credible, tells_bias, still.max_turn / 2.0);
     let floor = judge.segmenter.status().gyro_floor.map(per_axis);
-    let rich = match (primary.map(|fit| fit.shape), givens.reference) {
+    let rich = match (primary.map(|fit| fit.shape), inputs.reference) {
         (Some(Parameterisation::FULL_ACCELEROMETER), Some(reference)) => {
             reference.gyroscope(Parameterisation::FULL_GYROSCOPE, config, floor).ok()
         }
@@ -185,7 +190,7 @@ fn others(
         _ => None,
     };
     Solution {
-        gravity: givens.gravity,
+        gravity: inputs.gravity,
         placements: seen.len(),
         missing: match poses {
             _ if config.model == Model::Full => Missing::Motion,
@@ -194,12 +199,12 @@ fn others(
         },
         unchecked: Vec::new(),
         advice: None,
-        coarse_step: givens.step.filter(|&step| observations::is_coarse(entries, step)),
+        coarse_step: inputs.step.filter(|&step| observations::is_coarse(entries, step)),
         accelerometer,
         refused,
         doubts: doubts.into_iter().map(|doubt| doubt.text).collect(),
         drift,
-        warmth: None,
+        temperature: None,
         partial: Partial::nothing(),
         heading_doubt: None,
         gyro_placements: rates.len(),

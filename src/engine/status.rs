@@ -41,7 +41,7 @@ pub(super) fn accelerometer(solution: &Solution) -> Result<(), Unconfirmed> {
         return Err(Unconfirmed::Drifting);
     }
     // Placements show the bias along the vertical only, each at its own temperature: a wrong one may pass for warmth.
-    if solution.warmth.as_ref().is_some_and(|warmth| warmth.accelerometer.is_ok()) {
+    if solution.temperature.as_ref().is_some_and(|courses| courses.accelerometer.is_ok()) {
         return Err(Unconfirmed::Warmed);
     }
     estimate(fit)

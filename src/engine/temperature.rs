@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, Vector3};
 
 use super::config::Config;
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::model_trial::{Trial, assumptions};
 use super::observations;
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::Solution;
-use super::warmth::Warmth;
+use super::temperature_courses::TemperatureCourses;
 use crate::Stamp;
 use crate::fit::temperature::{self, Between, BiasCourse, LengthEquation, Unclear, WarmReading};
 use crate::fit::{Estimate, Parameterisation, Term};
@@ -33,15 +33,15 @@ pub(super) fn learn(
     entries: &[JudgedRest],
     solution: &Solution,
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     config: &Config,
-) -> Option<Warmth> {
+) -> Option<TemperatureCourses> {
     let most = config.fit.temperature.most();
     let last = entries.iter().rev().find_map(|entry| entry.rest.temperature.filter(|_| entry.verdict.is_at_rest()));
-    let reference = last.filter(|_| most > 0 && givens.reference.is_none())?;
+    let reference = last.filter(|_| most > 0 && inputs.reference.is_none())?;
     let celsius = match temperatures(entries) {
         Ok(celsius) => celsius,
-        Err(gaps) => return Some(Warmth { accelerometer: Err(gaps), gyroscope: Err(gaps) }),
+        Err(gaps) => return Some(TemperatureCourses { accelerometer: Err(gaps), gyroscope: Err(gaps) }),
     };
     let noise = observations::gyroscope_noise(judge.segmenter);
     let rates = readings(entries, &celsius, |entry| {
@@ -50,9 +50,9 @@ pub(super) fn learn(
     let still =
         |entry: &JudgedRest| matches!(entry.verdict.reason, Reason::Accepted | Reason::Tilted | Reason::Outlier);
     let forces = readings(entries, &celsius, |entry| Some(&entry.rest.accelerometer).filter(|_| still(entry)));
-    let lengths = lengths(entries, &celsius, solution, judge, givens);
+    let lengths = lengths(entries, &celsius, solution, judge, inputs);
     let scatter = |between: f64| [WITHIN * between, between];
-    Some(Warmth {
+    Some(TemperatureCourses {
         accelerometer: temperature::learn(
             &forces,
             Between::Lengths(&lengths),
@@ -118,7 +118,7 @@ fn lengths(
     celsius: &[f64],
     solution: &Solution,
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
 ) -> Vec<LengthEquation> {
     let fit = solution.accelerometer.as_ref();
     let (shape, calibration) = match fit {
@@ -130,9 +130,9 @@ fn lengths(
         Parameterisation::DIAGONAL => Poses::OnFaces,
         _ => return Vec::new(),
     };
-    let given = assumptions(judge, &Trial { shape, givens }, calibration);
+    let given = assumptions(judge, &Trial { shape, inputs }, calibration);
     let warm = by_placement(entries, celsius);
-    let seen = observations::placements(entries, judge, poses, givens.step);
+    let seen = observations::placements(entries, judge, poses, inputs.step);
     let equation = |placed: &observations::Placed| {
         let (celsius, time) = *warm.get(&placed.observation.placement)?;
         Some(LengthEquation::of(&placed.observation, &given, &calibration, celsius, time))
@@ -159,32 +159,32 @@ fn by_placement(entries: &[JudgedRest], celsius: &[f64]) -> BTreeMap<u32, (f64, 
 /// Judges and fits the rests anew, as they would have read at the temperature of reference, with `solve`.
 pub(super) fn at_reference(
     entries: &mut [JudgedRest],
-    warmth: Warmth,
+    courses: TemperatureCourses,
     before: Solution,
     solve: impl Fn(&mut [JudgedRest]) -> Solution,
 ) -> Solution {
     let celsius = match temperatures(entries) {
-        Ok(celsius) if warmth.accelerometer.is_ok() || warmth.gyroscope.is_ok() => celsius,
-        _ => return Solution { warmth: Some(warmth), ..before },
+        Ok(celsius) if courses.accelerometer.is_ok() || courses.gyroscope.is_ok() => celsius,
+        _ => return Solution { temperature: Some(courses), ..before },
     };
     let mut steady = entries.to_vec();
     for (JudgedRest { rest, rate_taken_off, .. }, celsius) in steady.iter_mut().zip(&celsius) {
-        take_off(&mut rest.accelerometer, &warmth.force(Some(*celsius)));
+        take_off(&mut rest.accelerometer, &courses.force(Some(*celsius)));
         if let Some(gyroscope) = &mut rest.gyroscope {
-            *rate_taken_off = warmth.rate(Some(*celsius));
+            *rate_taken_off = courses.rate(Some(*celsius));
             take_off(gyroscope, rate_taken_off);
         }
     }
     let mut solution = solve(&mut steady);
     entries.iter_mut().zip(steady).for_each(|(entry, steady)| entry.verdict = steady.verdict);
-    if let (Ok(course), Ok(fit)) = (&warmth.accelerometer, &mut solution.accelerometer) {
+    if let (Ok(course), Ok(fit)) = (&courses.accelerometer, &mut solution.accelerometer) {
         widen(fit, course, entries, &celsius);
     }
-    if let Ok(course) = &warmth.gyroscope {
+    if let Ok(course) = &courses.gyroscope {
         let fits = [&mut solution.gyroscope, &mut solution.gyro_at_rest];
         fits.into_iter().flatten().for_each(|fit| widen(fit, course, entries, &celsius));
     }
-    Solution { warmth: Some(warmth), ..solution }
+    Solution { temperature: Some(courses), ..solution }
 }
 
 fn take_off(mean: &mut TriadMean, change: &Vector3<f64>) {

@@ -7,7 +7,7 @@ use crate::turns::Unusable;
 
 /// Outcome of the fit to turns beside an accelerometer: an estimate, or the reason why not.
 #[derive(Clone, Debug)]
-pub(super) struct Turning {
+pub(super) struct TurnOutcome {
     pub(super) found: Result<TurnEstimate, TooLittle>,
     /// Reasons why turns do not count, with their numbers.
     pub(super) unusable: Vec<(Unusable, usize)>,
@@ -17,7 +17,7 @@ pub(super) struct Turning {
     pub(super) completed: bool,
 }
 
-impl Turning {
+impl TurnOutcome {
     /// Equations of the turns on a bias that changes, at times since `first`.
     pub(super) fn bias_courses(&self, first: Stamp) -> Option<BiasCourses> {
         let (start, courses) = self.courses.as_ref()?;

@@ -208,9 +208,9 @@ impl<'a> View<'a> {
             Ok(fit) => fit.calibration(),
             Err(_) => self.solution.guessed,
         };
-        let warmth = self.solution.warmth.as_ref();
-        let warmth = warmth.map_or(Vector3::zeros(), |warmth| warmth.force(rest.temperature));
-        let force = accelerometer.correct(&(rest.accelerometer.mean - warmth));
+        let courses = self.solution.temperature.as_ref();
+        let courses = courses.map_or(Vector3::zeros(), |courses| courses.force(rest.temperature));
+        let force = accelerometer.correct(&(rest.accelerometer.mean - courses));
         force.try_normalize(f64::MIN_POSITIVE).unwrap_or(Vector3::z())
     }
 

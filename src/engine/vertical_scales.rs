@@ -2,11 +2,11 @@
 
 use nalgebra::SVector;
 
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::rest_history::JudgedRest;
 use super::rest_judge::Judge;
 use super::solution::Solution;
-use super::turning;
+use super::turn_trial;
 use crate::fit::Parameterisation;
 use crate::fit::turn_fit::{VerticalScale, vertical_scales};
 use crate::messages::Combination;
@@ -18,21 +18,21 @@ const HALF: f64 = 1.96;
 pub(super) fn learn(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     solution: &Solution,
 ) -> Vec<Combination> {
     /// Error of directions of gravity by an accelerometer that is calibrated, or not, rad.
     const TILTS: [f64; 2] = [0.002, 0.02];
     let is_open = solution.gyroscope.as_ref().is_some_and(|fit| fit.shape == Parameterisation::BIAS);
-    let is_known = !givens.rotations.declared.is_empty() || judge.fit.whole_turns || givens.rotations.heading.is_some();
-    if !is_open || !(is_known || givens.past_turns.iter().any(|turn| turn.known.is_some())) {
+    let is_known = !inputs.rotations.declared.is_empty() || judge.fit.whole_turns || inputs.rotations.heading.is_some();
+    if !is_open || !(is_known || inputs.past_turns.iter().any(|turn| turn.known.is_some())) {
         return Vec::new();
     }
     let (accelerometer, tilt) = match &solution.accelerometer {
         Ok(fit) => (fit.calibration(), TILTS[0]),
         Err(_) => (solution.guessed, TILTS[1]),
     };
-    let session = turning::declared_session(entries, judge, givens, &accelerometer);
+    let session = turn_trial::declared_session(entries, judge, inputs, &accelerometer);
     vertical_scales(&session, &accelerometer, tilt).iter().map(combination).collect()
 }
 

@@ -30,6 +30,8 @@ pub struct Wandering {
     pub std: Vector3<f64>,
     /// Whether no single wrong placement explains the residuals as well.
     pub is_certain: bool,
+    /// Ratio of what it explains to what chance may explain.
+    pub over: f64,
 }
 
 /// Rate of change of the readings at rest, m/s² per second, with its standard deviation.
@@ -68,6 +70,11 @@ impl Wandering {
         ((time - from) / (to - from).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
     }
 
+    /// Whether it explains more than chance may.
+    pub fn is_beyond_chance(&self) -> bool {
+        self.over > 1.0
+    }
+
     /// Whether the movement is a step: it takes less than half of the time between the first and the last placement.
     pub fn is_step(&self, first: f64, last: f64) -> bool {
         self.span[1] - self.span[0] < 0.5 * (last - first)
@@ -76,8 +83,6 @@ impl Wandering {
 
 /// Movement with what speaks for it.
 struct Hypothesis {
-    /// Ratio of what it explains to what chance may explain; beyond 1 it is accepted.
-    over: f64,
     /// Squares that it explains, less what further unknowns explain by chance.
     explained: f64,
     wandering: Wandering,
@@ -116,11 +121,11 @@ impl Courses {
         let heavier = student(freedom, 2.0 * tail, normal) / normal;
         let all_explained = change.dot(&answer).max(0.0);
         let over = all_explained.sqrt() / (three.sqrt() * heavier);
-        let wandering =
-            Wandering { span: [first, last], change, std: covariance.diagonal().map(f64::sqrt), is_certain: true };
+        let std = covariance.diagonal().map(f64::sqrt);
+        let wandering = Wandering { span: [first, last], change, std, is_certain: true, over };
         let told_by_slope = slope.is_some() && explained < 0.5 * all_explained;
         let likelier = told_by_slope || self.outlier.1 - explained < LIKELIER;
-        likelier.then_some(Hypothesis { over, explained: all_explained - FURTHER, wandering })
+        likelier.then_some(Hypothesis { explained: all_explained - FURTHER, wandering })
     }
 
     /// Tests a step of one axis between two placements. A step that a single wrong placement explains better is taken
@@ -134,8 +139,9 @@ impl Courses {
             let (mut change, mut std) = (Vector3::zeros(), Vector3::zeros());
             (change[axis], std[axis]) = (moment / information, information.sqrt().recip());
             let is_certain = lead < -LIKELIER || is_last;
-            let wandering = Wandering { span: [self.times[at - 1], self.times[at]], change, std, is_certain };
-            (lead < LIKELIER).then(|| Hypothesis { over: explained.sqrt() / critical, explained, wandering })
+            let span = [self.times[at - 1], self.times[at]];
+            let wandering = Wandering { span, change, std, is_certain, over: explained.sqrt() / critical };
+            (lead < LIKELIER).then_some(Hypothesis { explained, wandering })
         };
         self.steps().into_iter().filter_map(wanders).max_by(|a, b| a.explained.total_cmp(&b.explained))
     }
@@ -167,7 +173,7 @@ impl Courses {
     }
 }
 
-/// Finds the likeliest movement of the bias beyond chance, if any, from placements with their times (s) and a
+/// Finds the likeliest movement of the bias, beyond chance if there is one, from placements with their times (s) and a
 /// calibration of them, and from the turns between them.
 pub fn wandering(
     seen: &[(f64, Observation)],
@@ -177,8 +183,11 @@ pub fn wandering(
     turns: Option<&BiasCourses>,
 ) -> Option<Wandering> {
     let courses = Courses::of(seen, given, calibration, turns)?;
-    let found = courses.ramp(slope).into_iter().chain(courses.step()).filter(|found| found.over > 1.0);
-    found.max_by(|a, b| a.explained.total_cmp(&b.explained)).map(|found| found.wandering)
+    let likelier = |a: &Hypothesis, b: &Hypothesis| {
+        let accepted = |found: &Hypothesis| found.wandering.is_beyond_chance();
+        accepted(a).cmp(&accepted(b)).then(a.explained.total_cmp(&b.explained))
+    };
+    courses.ramp(slope).into_iter().chain(courses.step()).max_by(likelier).map(|found| found.wandering)
 }
 
 /// Largest hint that the placements do not exclude as a step of the bias and that would move an unknown by more than
@@ -249,7 +258,7 @@ mod tests {
             loss: Loss::Square,
             start: Calibration::default(),
         };
-        wandering(&seen, &given, &Calibration::default(), None, None)
+        wandering(&seen, &given, &Calibration::default(), None, None).filter(Wandering::is_beyond_chance)
     }
 
     #[test]

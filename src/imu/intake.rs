@@ -27,13 +27,18 @@ pub struct Intake {
     #[serde(skip)]
     temperatures: Vec<(ImuId, f64)>,
     /// Latest temperature of each IMU that has one, °C.
-    warmth: BTreeMap<ImuId, f64>,
+    latest_temperatures: BTreeMap<ImuId, f64>,
 }
 
 impl Intake {
     /// Intake for the configured IMUs, and for every topic of a well-known type that they do not mention.
     pub fn new(imus: &[ImuConfig]) -> Self {
-        Self { channels: Assignment::new(imus), notices: Vec::new(), temperatures: Vec::new(), warmth: BTreeMap::new() }
+        Self {
+            channels: Assignment::new(imus),
+            notices: Vec::new(),
+            temperatures: Vec::new(),
+            latest_temperatures: BTreeMap::new(),
+        }
     }
 
     /// Whether the fields of a JSON channel are still unknown, until its first message.
@@ -125,7 +130,8 @@ impl Intake {
     ) {
         self.channels.assign_by_message(channel_id, data);
         self.temperatures.clear();
-        let Self { channels: Assignment { sources, imus, routes, .. }, notices, temperatures, warmth } = self;
+        let Self { channels: Assignment { sources, imus, routes, .. }, notices, temperatures, latest_temperatures } =
+            self;
         for route in routes.get_mut(&channel_id).into_iter().flatten() {
             let Some(source) = sources.get_mut(route.source) else { continue };
             let mut notice = |topic: &str, text: String| {
@@ -196,7 +202,7 @@ impl Intake {
                 && let Some(id) = warmed(source, route, &frame)
             {
                 temperatures.push((id, celsius));
-                warmth.insert(id, celsius);
+                latest_temperatures.insert(id, celsius);
             }
         }
     }
@@ -208,7 +214,7 @@ impl Intake {
 
     /// Latest temperature of an IMU, °C, if it has had one.
     pub fn temperature(&self, imu: ImuId) -> Option<f64> {
-        self.warmth.get(&imu).copied()
+        self.latest_temperatures.get(&imu).copied()
     }
 
     /// Rewrites the last message with other readings: for each IMU that reads it, the name that its topics begin with,

@@ -14,7 +14,7 @@ use serde::de::{self, Deserialize, Deserializer};
 use serde::{Serialize, Serializer};
 
 use self::datasheet::G;
-pub use self::datasheet::{Datasheet, Promise};
+pub use self::datasheet::{Datasheet, TriadDatasheet};
 
 /// A known sensor, by its index in [`DATASHEETS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +65,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "adis16470",
         source: "ADIS16470 data sheet rev. C, features; steps and output rate as Linux has them, drivers/iio/imu/adis16475.c",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 40.0 * G,
             step: G / 800.0,
             noise: None,
@@ -75,7 +75,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: 0.1 * DEGREE,
             noise: Some(0.25 * DEGREE),
@@ -91,7 +91,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "adxl375",
         source: "ADXL375 data sheet rev. B, table 1",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 200.0 * G,
             step: 49.0 * MG,
             noise: Some(44.3 * MG),
@@ -108,7 +108,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "bmi088",
         source: "BMI088 data sheet BST-BMI088-DS000-19 rev. 1.9, electrical specification (pages 7 and 8)",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 24.0 * G,
             step: G / 1365.0,
             noise: Some(5.4 * MG),
@@ -118,7 +118,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.384,
             noise: Some(0.44 * DEGREE),
@@ -135,7 +135,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "bmi160",
         source: "BMI160 data sheet BST-BMI160-DS000 rev. 1.0, electrical specification (output signals)",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: G / 2048.0,
             noise: Some(5.1 * MG),
@@ -145,7 +145,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.4,
             noise: Some(0.28 * DEGREE),
@@ -162,7 +162,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "icm20948",
         source: "ICM-20948 data sheet DS-000189 rev. 1.3, tables 1 and 2",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: G / 2048.0,
             noise: Some(4.5 * MG),
@@ -172,7 +172,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: Some(0.02),
             nonlinearity: Some(0.005),
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.4,
             noise: Some(0.36 * DEGREE),
@@ -189,7 +189,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "icm42688p",
         source: "ICM-42688-P data sheet DS-000347 (rev. not told by the copy that was read), tables 1 and 2",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: G / 2048.0,
             noise: Some(1.57 * MG),
@@ -199,7 +199,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.4,
             noise: Some(0.063 * DEGREE),
@@ -215,7 +215,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "lsm6dso",
         source: "LSM6DSO data sheet DS12140 rev. 3, table 2",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: 0.488 * MG,
             noise: Some(3.0 * MG),
@@ -225,7 +225,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: 0.07 * DEGREE,
             noise: Some(0.107 * DEGREE),
@@ -241,7 +241,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "mpu6050",
         source: "MPU-6000/MPU-6050 product specification PS-MPU-6000A-00 rev. 3.4, sections 6.1 and 6.2",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: G / 2048.0,
             noise: Some(8.1 * MG),
@@ -251,7 +251,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: None,
             nonlinearity: None,
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.4,
             noise: Some(0.05 * DEGREE),
@@ -268,7 +268,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
     Datasheet {
         name: "mpu9250",
         source: "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1 and 2",
-        accelerometer: Promise {
+        accelerometer: TriadDatasheet {
             range: 16.0 * G,
             step: G / 2048.0,
             noise: Some(8.0 * MG),
@@ -278,7 +278,7 @@ pub static DATASHEETS: [Datasheet; 9] = [
             cross_axis: Some(0.02),
             nonlinearity: Some(0.005),
         },
-        gyroscope: Some(Promise {
+        gyroscope: Some(TriadDatasheet {
             range: 2000.0 * DEGREE,
             step: DEGREE / 16.4,
             noise: Some(0.1 * DEGREE),

@@ -67,12 +67,12 @@ impl Member for PastRest {
         };
         let key = |rest: &Self| (rest.rest.accelerometer.samples, rest.rest.start, rest.rest.end);
         let place = |rest: &Self| (rest.rest.placement, rest.recording);
-        let warmth = |rest: &Self| rest.temperature.unwrap_or(f64::NEG_INFINITY);
+        let temperature = |rest: &Self| rest.temperature.unwrap_or(f64::NEG_INFINITY);
         key(self)
             .cmp(&key(other))
             .then_with(one_by_one)
             .then_with(|| place(self).cmp(&place(other)))
-            .then_with(|| warmth(self).total_cmp(&warmth(other)))
+            .then_with(|| temperature(self).total_cmp(&temperature(other)))
             .then_with(|| self.secondary.keys().cmp(other.secondary.keys()))
     }
 }

@@ -19,6 +19,8 @@ pub struct Findings {
     pub topic: String,
     /// Type of the messages on it; empty if unknown, for example beside a sidecar.
     pub source_type: String,
+    /// Stamp of the first reading in nanoseconds, if it is known.
+    pub first: Option<i64>,
     /// The rests by their start in nanoseconds, each with its last verdict.
     pub rests: BTreeMap<i64, Segment>,
     /// The turns between them by their start in nanoseconds, each with its last verdict.
@@ -39,6 +41,12 @@ impl Findings {
         Self { name: name.to_owned(), topic: topic.to_owned(), ..Self::default() }
     }
 
+    /// Stamp that times are told from, in nanoseconds: that of the first reading.
+    pub fn origin(&self) -> i64 {
+        let rest = self.rests.keys().next().copied();
+        self.first.or(rest).or(self.near_misses.iter().next().map(|miss| miss.start)).unwrap_or_default()
+    }
+
     /// Takes an event; later ones replace earlier ones.
     pub fn note(&mut self, event: &Event) {
         match &event.message {
@@ -51,7 +59,11 @@ impl Findings {
             Message::Noise(noise) => self.noise = Some(noise.clone()),
             Message::Coverage(coverage) => self.coverage = Some(coverage.clone()),
             Message::Calibration(calibration) => self.calibration = Some((**calibration).clone()),
-            Message::Stillness(stillness) => self.near_misses.note(stillness),
+            Message::Stillness(stillness) => {
+                let stamp = stillness.header.as_ref().map(|header| super::nanos(&header.stamp));
+                self.first = self.first.or(stamp);
+                self.near_misses.note(stillness);
+            }
             Message::Log(_) => {}
         }
     }

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::calm::Calm;
 use super::nanos;
+use super::span_means::SpanMeans;
 use crate::imu::{Sample, Sensor};
 use crate::messages::Stillness;
 use crate::messages::stillness::State;
@@ -43,7 +43,7 @@ pub struct NearMisses {
     /// Whether the last state was a rest.
     rested: bool,
     /// Readings of accelerometer and gyroscope.
-    readings: [Calm; 2],
+    readings: [SpanMeans; 2],
 }
 
 impl NearMisses {

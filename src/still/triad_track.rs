@@ -34,7 +34,7 @@ const THESIS_WINDOW: usize = 100;
 pub(super) struct TriadTrack {
     clock: TimeBase,
     window_nanos: f64,
-    yardstick: Yardstick,
+    reference: NoiseReference,
     /// Samples in a window, once the sample period is known.
     window_size: Option<usize>,
     /// Window and floor of a triad that votes.
@@ -60,7 +60,7 @@ pub(super) struct TriadTrack {
 
 /// Reference for the deviation in the window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) enum Yardstick {
+pub(super) enum NoiseReference {
     /// Learned floor, accepted up to this noise of one axis.
     Learned { ceiling: f64 },
     /// Fixed limit of the standard deviation of every axis, as in the thesis.
@@ -78,11 +78,11 @@ struct Quiet {
 }
 
 impl TriadTrack {
-    pub(super) fn new(config: &Config, yardstick: Yardstick) -> Self {
+    pub(super) fn new(config: &Config, reference: NoiseReference) -> Self {
         Self {
             clock: TimeBase::new(config.gap_s),
             window_nanos: config.window_s * 1e9,
-            yardstick,
+            reference,
             window_size: None,
             quiet: None,
             recent: VecDeque::new(),
@@ -141,45 +141,45 @@ impl TriadTrack {
         }
     }
 
-    /// Deviation relative to the yardstick; `None` while either is unknown.
+    /// Deviation relative to the reference; `None` while either is unknown.
     pub(super) fn statistic(&self) -> Option<f64> {
         let quiet = self.quiet.as_ref().filter(|quiet| quiet.window.is_full())?;
         let variance = quiet.window.variance();
         if variance.sum() == 0.0 {
-            // Zero, whatever the yardstick will be.
+            // Zero, whatever the reference will be.
             return Some(0.0);
         }
-        match self.yardstick {
+        match self.reference {
             // A level above the ceiling is not accepted, so nothing is quiet relative to it.
-            Yardstick::Learned { ceiling } => {
+            NoiseReference::Learned { ceiling } => {
                 quiet.floor.level().map(|level| variance.sum().sqrt() / level.min(ceiling * 3_f64.sqrt()))
             }
-            Yardstick::Fixed { limit } => Some(variance.max().sqrt() / limit),
-            Yardstick::None => None,
+            NoiseReference::Fixed { limit } => Some(variance.max().sqrt() / limit),
+            NoiseReference::None => None,
         }
     }
 
     /// Noise floor: √(Σ variance of the axes) at rest.
     pub(super) fn level(&self) -> Option<f64> {
-        match self.yardstick {
-            Yardstick::Fixed { limit } => Some(limit * 3_f64.sqrt()),
+        match self.reference {
+            NoiseReference::Fixed { limit } => Some(limit * 3_f64.sqrt()),
             _ => self.quiet.as_ref()?.floor.level(),
         }
     }
 
     /// Whether the floor can be the noise of a sensor at rest.
     pub(super) fn is_credible(&self) -> bool {
-        match self.yardstick {
-            Yardstick::Learned { ceiling } => self.quiet.as_ref().is_some_and(|quiet| {
+        match self.reference {
+            NoiseReference::Learned { ceiling } => self.quiet.as_ref().is_some_and(|quiet| {
                 quiet.floor.is_settled() && quiet.floor.level().is_some_and(|level| level <= ceiling * 3_f64.sqrt())
             }),
-            Yardstick::Fixed { .. } | Yardstick::None => true,
+            NoiseReference::Fixed { .. } | NoiseReference::None => true,
         }
     }
 
     /// Whether the floor is learned, and may still change.
     pub(super) fn is_learned(&self) -> bool {
-        matches!(self.yardstick, Yardstick::Learned { .. })
+        matches!(self.reference, NoiseReference::Learned { .. })
     }
 
     pub(super) fn window_mean(&self) -> Option<Vector3<f64>> {
@@ -293,15 +293,15 @@ impl TriadTrack {
     fn size_window(&mut self) {
         let Some(period) = self.clock.period().filter(|_| self.clock.period() != self.sized_for) else { return };
         self.sized_for = Some(period);
-        let size = match self.yardstick {
-            Yardstick::Fixed { .. } => THESIS_WINDOW,
+        let size = match self.reference {
+            NoiseReference::Fixed { .. } => THESIS_WINDOW,
             _ => (libm::ceil(self.window_nanos / period.max(1) as f64) as usize).clamp(MIN_WINDOW, MAX_WINDOW),
         };
         if self.window_size.is_some_and(|present| size.abs_diff(present) * 4 <= present) {
             return;
         }
         self.window_size = Some(size);
-        self.quiet = self.yardstick.ceiling().map(|ceiling| Quiet {
+        self.quiet = self.reference.ceiling().map(|ceiling| Quiet {
             window: Window::new(size),
             floor: NoiseFloor::new(size, ceiling * 3_f64.sqrt()),
             since_floor: 0,
@@ -321,8 +321,8 @@ impl Quiet {
     }
 }
 
-impl Yardstick {
-    /// Yardstick of an accelerometer that votes.
+impl NoiseReference {
+    /// NoiseReference of an accelerometer that votes.
     pub(super) fn accelerometer(config: &Config) -> Self {
         match config.detector {
             Detector::Adaptive => Self::Learned { ceiling: config.accel_ceiling },
@@ -339,7 +339,7 @@ impl Yardstick {
         }
     }
 
-    /// Yardstick of a gyroscope.
+    /// NoiseReference of a gyroscope.
     pub(super) fn gyroscope(config: &Config) -> Self {
         match config.detector {
             Detector::Adaptive => Self::Learned { ceiling: config.gyro_ceiling },
@@ -354,7 +354,7 @@ mod tests {
 
     #[test]
     fn stamps_a_nanosecond_apart_and_nobody_to_commit_them_stay_within_bounds() {
-        let mut track = TriadTrack::new(&Config::default(), Yardstick::Learned { ceiling: 0.15 });
+        let mut track = TriadTrack::new(&Config::default(), NoiseReference::Learned { ceiling: 0.15 });
         for nanos in 0..100_000 {
             let sample = Sample { stamp: Stamp::from_nanos(nanos), log_time: 0, value: Vector3::zeros() };
             track.tick(sample.stamp);

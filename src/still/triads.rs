@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::config::{Config, Detector};
 use super::placement_number::creep_limit;
 use super::rest::{Rest, TriadMean};
-use super::triad_track::{TriadTrack, Yardstick};
+use super::triad_track::{NoiseReference, TriadTrack};
 use crate::Stamp;
 use crate::imu::Sensor;
 
@@ -26,9 +26,9 @@ impl Triads {
     /// Triads of an IMU with so many secondary accelerometers.
     pub(super) fn new(config: &Config, secondary: usize) -> Self {
         Self {
-            accelerometer: TriadTrack::new(config, Yardstick::accelerometer(config)),
+            accelerometer: TriadTrack::new(config, NoiseReference::accelerometer(config)),
             gyroscope: None,
-            secondary: vec![TriadTrack::new(config, Yardstick::None); secondary],
+            secondary: vec![TriadTrack::new(config, NoiseReference::None); secondary],
         }
     }
 
@@ -37,7 +37,7 @@ impl Triads {
         match sensor {
             Sensor::Accelerometer => Some(&mut self.accelerometer),
             Sensor::Gyroscope => {
-                Some(self.gyroscope.get_or_insert_with(|| TriadTrack::new(config, Yardstick::gyroscope(config))))
+                Some(self.gyroscope.get_or_insert_with(|| TriadTrack::new(config, NoiseReference::gyroscope(config))))
             }
             Sensor::Secondary(i) => self.secondary.get_mut(i),
             Sensor::Reference(_) => None,

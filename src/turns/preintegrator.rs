@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::piece::Piece;
 use super::range_end::RangeEnd;
-use super::timebase::Timebase;
+use super::sample_clock::SampleClock;
 use crate::Stamp;
 
 /// Integrals of a [`Piece`] as they are stored.
@@ -110,7 +110,7 @@ impl Default for Limit {
 /// navigation integration algorithm design", 1998).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Preintegrator {
-    timebase: Timebase,
+    sample_clock: SampleClock,
     /// Last sample, whose cell is open, and the interval before it, s.
     last: Option<(Stamp, Vector3<f64>)>,
     interval: f64,
@@ -145,20 +145,20 @@ impl Preintegrator {
     /// Takes a sample, and returns the stretch that it closes, if any.
     pub fn push(&mut self, stamp: Stamp, rate: &Vector3<f64>, limit: &Limit) -> Option<Stretch> {
         let Some((last, before)) = self.last else {
-            self.timebase.interval(stamp);
+            self.sample_clock.interval(stamp);
             self.begin(stamp, rate);
             return None;
         };
         if stamp <= last {
             // The clock was set back: what came before is not connected to what follows.
             let closed = self.close(last, true);
-            self.timebase = Timebase::default();
-            self.timebase.interval(stamp);
+            self.sample_clock = SampleClock::default();
+            self.sample_clock.interval(stamp);
             self.begin(stamp, rate);
             self.open.broken = true;
             return closed;
         }
-        let interval = 1e-9 * self.timebase.interval(stamp).unwrap_or(0.0);
+        let interval = 1e-9 * self.sample_clock.interval(stamp).unwrap_or(0.0);
         let cell = (self.interval + interval) / 2.0;
         let angle = before * cell;
         let open = &mut self.open;

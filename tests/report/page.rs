@@ -209,7 +209,7 @@ fn the_terminal_gets_the_summary_the_timeline_and_the_rests() {
     let folder = Folder::with_demo();
     folder.say("export demo.mcap --format json -o before.json").ok();
     let text = folder.say("report demo.mcap --against before.json").ok().stdout;
-    for word in ["PROVISIONAL", "█", "rest on a face", "‖a‖ − g", "within the uncertainty", "next"] {
+    for word in ["PROVISIONAL", "█", "accepted rest", "‖a‖ − g", "within the uncertainty", "next"] {
         assert!(text.contains(word), "{word} is not in\n{text}");
     }
     assert!(text.lines().all(|line| console::measure_text_width(line) <= 100), "{text}");

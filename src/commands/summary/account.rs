@@ -8,7 +8,7 @@ use crate::commands::text::Look;
 /// Verdicts on the earlier calibration; nothing if the drift says already why there are none.
 pub fn at_rests(findings: &Findings, earlier: &Earlier<'_>, look: Look) -> Vec<String> {
     let Ok(accounts) = account(findings, earlier) else { return Vec::new() };
-    let origin = findings.rests.keys().next().copied().unwrap_or_default();
+    let origin = findings.origin();
     let mut lines = Vec::new();
     if !accounts.is_empty() {
         let text = "earlier calibration at these rests; without any move one recording in 100 is suspicious, one in 10,000 shifted";

@@ -60,7 +60,7 @@ fn nanos(time: &Option<prost_types::Timestamp>) -> i64 {
 
 /// Rejected rests, grouped by reason.
 pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
-    let origin = findings.rests.keys().next().copied().unwrap_or_default();
+    let origin = findings.origin();
     let at = |rest: &Segment| nanos(&rest.start).saturating_sub(origin) as f64 * 1e-9;
     let mut groups = Vec::<(String, Vec<&Segment>)>::new();
     for rest in findings.rejected() {
@@ -98,7 +98,7 @@ pub fn rejected(findings: &Findings, look: Look) -> Vec<String> {
         said.push(format!("  … and {further} more"));
     }
     if !said.is_empty() {
-        said.insert(0, "  rejected, by time since the first rest and length".to_owned());
+        said.insert(0, "  rejected, by time since the first reading and length".to_owned());
     }
     said
 }
@@ -120,8 +120,7 @@ pub fn near_misses(findings: &Findings, look: Look) -> Vec<String> {
     if findings.is_done() && !look.verbose {
         return Vec::new();
     }
-    let origin = findings.rests.keys().next().copied().or(misses.iter().next().map(|miss| miss.start));
-    let origin = origin.unwrap_or_default();
+    let origin = findings.origin();
     let one = |miss: &NearMiss| {
         let at = |stamp: i64| stamp.saturating_sub(origin) as f64 * 1e-9;
         let face = findings.face_of(miss).map(|face| format!(", {} up", printable(face))).unwrap_or_default();

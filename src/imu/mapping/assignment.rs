@@ -187,11 +187,11 @@ impl Assignment {
         for &i in self.readers.get(topic).into_iter().flatten() {
             let Some(source) = self.sources.get(i) else { continue };
             let known = source.known(&known);
-            let (requests, warmth) = (source.requests(topic, known), source.temperature(topic, known));
-            if requests.is_empty() && warmth.is_none() {
+            let (requests, temperature_request) = (source.requests(topic, known), source.temperature(topic, known));
+            if requests.is_empty() && temperature_request.is_none() {
                 continue;
             }
-            match Route::new(topic, layout, known, i, &requests, warmth) {
+            match Route::new(topic, layout, known, i, &requests, temperature_request) {
                 Ok(route) => {
                     let path = route.temperature_path().map(str::to_owned);
                     temperature = temperature.or(path.map(|path| (source.name(), path)));

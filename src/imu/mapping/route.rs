@@ -101,11 +101,11 @@ impl Route {
         requests: &[Request<'_>],
         temperature: Option<TemperatureRequest<'_>>,
     ) -> Result<Self, RouteError> {
-        let warmth = temperature.map_or(Ok(None), |request| request.find(layout))?;
+        let sensed = temperature.map_or(Ok(None), |request| request.find(layout))?;
         let axes: Vec<_> = requests.iter().map(|request| Axes::of(layout, request)).collect::<Result<_, _>>()?;
         let micros = known.and_then(|known| layout.find_number(known.micros.as_ref()?)).map(StampFields::micros);
         let stamp = micros.unwrap_or_else(|| {
-            let path = axes.last().map(Axes::place).or(warmth.as_ref().map(|(path, _)| path));
+            let path = axes.last().map(Axes::place).or(sensed.as_ref().map(|(path, _)| path));
             StampFields::nearest(layout, &path.cloned().unwrap_or_default())
         });
         let mut numbers = stamp.numbers;
@@ -118,7 +118,7 @@ impl Route {
             .map(|path| path.and_then(|path| layout.find_number(path)).map(|place| add(Some(place))));
         let device = known.and_then(|known| layout.find_number(known.device.as_ref()?)).map(|place| add(Some(place)));
         let offset = temperature.map_or(0.0, |request| request.offset);
-        let thermometer = warmth.map(|(path, place)| (Thermometer::new(add(Some(place)), offset), path.to_string()));
+        let thermometer = sensed.map(|(path, place)| (Thermometer::new(add(Some(place)), offset), path.to_string()));
         let mut taps = Vec::new();
         for (request, Axes { path, axes, places: [x, y, z], covariance, part }) in requests.iter().zip(axes) {
             let at = add(Some(x));

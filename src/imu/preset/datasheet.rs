@@ -11,14 +11,14 @@ pub struct Datasheet {
     /// Document, revision and tables.
     pub source: &'static str,
     /// Figures of the accelerometer.
-    pub accelerometer: Promise,
+    pub accelerometer: TriadDatasheet,
     /// Figures of the gyroscope; `None` if there is none, or no figure is available.
-    pub gyroscope: Option<Promise>,
+    pub gyroscope: Option<TriadDatasheet>,
 }
 
 /// Datasheet figures of one triad, in m/s² or rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Promise {
+pub struct TriadDatasheet {
     /// Largest reading of its widest range.
     pub range: f64,
     /// Step of the converter in that range.
@@ -37,7 +37,7 @@ pub struct Promise {
     pub nonlinearity: Option<f64>,
 }
 
-impl Promise {
+impl TriadDatasheet {
     /// Quadratic error at 1 g, m/s², if all of the nonlinearity is quadratic. The range that the sensor is set to is
     /// unknown, so the geometric mean of its ranges is assumed: 5.7 g for 2 g to 16 g.
     pub fn squared_at_one_g(&self) -> Option<f64> {

@@ -34,7 +34,7 @@ pub(super) fn acceleration(imu: &Imu<'_>) -> Option<Markup> {
     let content = html! {
         p.legend {
             @for (axis, name) in ["x", "y", "z"].iter().enumerate() { span class={ "key a" (axis) } { (name) } }
-            span.key.shade { "rest on a face" }
+            span.key.shade { "accepted rest" }
             span.key.rejected { "rejected rest" }
         }
         (plot.figure("tall", "Acceleration as recorded, m/s²", Along::Clock))

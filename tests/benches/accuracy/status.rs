@@ -2,7 +2,7 @@
 //!
 //! Sensors and placements are those of a [`Population`]; on top of that each scenario does to the readings what its name
 //! says. A calibration is wrong if any parameter is off by more than 3.29 of its standard deviations, which an honest one
-//! is once in a thousand; where the bias moves, off what is true at the end. A
+//! is once in a thousand; where the bias moves, off what is true at the end, or when it was last to be seen. A
 //! lower-triangular S is held against the true one in the frame of the sensor's own axes.
 
 use std::fmt;
@@ -212,6 +212,8 @@ struct Change {
     axis: usize,
     /// When a step happens, as a share of the session.
     when: f64,
+    /// Share of the session at the last rest on a face along the axis.
+    shown: f64,
     /// Start of the pose that it is in.
     current: Option<(usize, f64)>,
     /// Slow noise of several memories.
@@ -223,25 +225,36 @@ impl Change {
         let poses = scenario.pose.len();
         let pose = if matches!(kind, Kind::Advised) { 0 } else { random.random_range(0..poses) };
         let sign = if random.random() { 1.0 } else { -1.0 };
-        let length = scenario.pose.iter().map(|pose| pose.rest_s + scenario.motion.duration_s).sum();
+        let times = scenario.pose.iter().scan(0.0, |end, pose| {
+            *end += pose.rest_s + scenario.motion.duration_s;
+            Some((pose, *end))
+        });
+        let times: Vec<_> = times.collect();
+        let length = times.last().map_or(0.0, |(_, end)| *end);
+        let off = sign * random.random_range(0.1..0.3);
+        let axis = random.random_range(0..3);
+        let along =
+            |pose: &&(&Pose, f64)| pose.0.face.as_ref().is_some_and(|face| face.ends_with(["X", "Y", "Z"][axis]));
         Self {
             kind,
             pose,
-            off: sign * random.random_range(0.1..0.3),
+            off,
             length,
-            axis: random.random_range(0..3),
+            axis,
             when: random.random_range(0.2..0.8),
+            shown: times.iter().rfind(along).map_or(1.0, |(_, end)| end / length),
             current: None,
             flicker: [Vector3::zeros(); 5],
             random,
         }
     }
 
-    /// What the bias moves by from the beginning to the end.
+    /// What the bias moves by from the beginning to the end; what steps or ramps, to the last rest that may show it.
     fn moved(&self) -> Vector3<f64> {
         match self.kind {
             Kind::Warming(slope) => Vector3::repeat(10.0 * slope * (1.0 - (-3.0_f64).exp())),
-            Kind::Step(size) | Kind::Ramp(size) => Vector3::ith(self.axis, size),
+            Kind::Step(size) if self.shown > self.when => Vector3::ith(self.axis, size),
+            Kind::Ramp(size) => Vector3::ith(self.axis, size * self.shown),
             _ => Vector3::zeros(),
         }
     }

@@ -3,13 +3,13 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::givens::Givens;
+use super::fit_inputs::FitInputs;
 use super::model_trial::{ModelTrial, Trial, assumptions};
 use super::observations;
 use super::rest_history::JudgedRest;
 use super::rest_judge::{Judge, Poses};
 use super::solution::Solution;
-use super::turn_outcome::Turning;
+use super::turn_outcome::TurnOutcome;
 use crate::Stamp;
 use crate::fit::accelerometer::{Observation, fit_with};
 use crate::fit::turn_fit::{self, RestSeen, Told, TooLittle, TurnEstimate, TurnFit, TurnSeen, TurnSession};
@@ -21,11 +21,11 @@ use crate::turns::Unusable;
 pub(super) fn fit(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     accelerometer: &Estimate,
-) -> Option<Turning> {
+) -> Option<TurnOutcome> {
     let noise = observations::gyroscope_noise(judge.segmenter);
-    let (first, mut session, unusable) = session(givens, entries, noise);
+    let (first, mut session, unusable) = session(inputs, entries, noise);
     if session.turns.is_empty() && unusable.is_empty() {
         return None;
     }
@@ -42,17 +42,17 @@ pub(super) fn fit(
     };
     let found = estimate.and_then(|found| if within(&found) { Ok(found) } else { Err(TooLittle::Unsolved) });
     let courses = bias_courses.map(|courses| (first, courses));
-    Some(Turning { found, unusable, courses, completed: false })
+    Some(TurnOutcome { found, unusable, courses, completed: false })
 }
 
 /// Rests and the turns between them, with what is known of their rotations about the vertical.
 pub(super) fn declared_session(
     entries: &[JudgedRest],
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
     accelerometer: &Calibration,
 ) -> TurnSession {
-    let (_, mut session, _) = session(givens, entries, observations::gyroscope_noise(judge.segmenter));
+    let (_, mut session, _) = session(inputs, entries, observations::gyroscope_noise(judge.segmenter));
     session.declare(accelerometer, judge.fit.whole_turns);
     session
 }
@@ -61,7 +61,7 @@ pub(super) fn declared_session(
 const MIN_SCATTER: f64 = 5e-4;
 
 /// Gyroscope estimate with the results of the turns.
-pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solution {
+pub(super) fn of_gyroscope(solution: Solution, turning: Option<TurnOutcome>) -> Solution {
     let at_rest = solution.gyroscope.clone();
     let found = turning.as_ref().and_then(|turning| turning.found.as_ref().ok());
     let gyroscope = match (&at_rest, found) {
@@ -72,7 +72,7 @@ pub(super) fn of_gyroscope(solution: Solution, turning: Option<Turning>) -> Solu
 }
 
 /// Improves the accelerometer by the turns if that reduces its error: one on the faces becomes triangular.
-pub(super) fn complete(trial: &mut ModelTrial, turning: &mut Turning, judge: &Judge<'_>, givens: &Givens<'_>) {
+pub(super) fn complete(trial: &mut ModelTrial, turning: &mut TurnOutcome, judge: &Judge<'_>, inputs: &FitInputs<'_>) {
     let config = judge.fit;
     let (Ok(found), Ok(fit)) = (&turning.found, &trial.fit) else { return };
     let wanted = match config.model {
@@ -85,11 +85,11 @@ pub(super) fn complete(trial: &mut ModelTrial, turning: &mut Turning, judge: &Ju
         return;
     }
     let richer = match (fit.shape, trial.poses) {
-        (Parameterisation::TRIANGULAR, _) => richer(trial, fit, found, judge, givens),
-        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => richer(trial, fit, found, judge, givens),
+        (Parameterisation::TRIANGULAR, _) => richer(trial, fit, found, judge, inputs),
+        (Parameterisation::DIAGONAL, Poses::OnFaces) if found.completes() => richer(trial, fit, found, judge, inputs),
         _ => None,
     };
-    let gravity = givens.gravity.value;
+    let gravity = inputs.gravity.value;
     let richer = richer.filter(|richer| richer.agrees());
     if let Some(richer) = richer.filter(|richer| richer.reading_error(gravity) < fit.reading_error(gravity)) {
         trial.fit = Ok(richer);
@@ -103,11 +103,11 @@ pub(super) fn triangular(
     poses: Poses,
     found: &TurnEstimate,
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
 ) -> Option<Estimate> {
     let shape = Parameterisation::TRIANGULAR;
     let start = shape.calibration(&DVector::from_iterator(9, found.accelerometer.iter().copied()));
-    let given = assumptions(judge, &Trial { shape, givens }, start);
+    let given = assumptions(judge, &Trial { shape, inputs }, start);
     let checked = fit_with(placements, &given, Some(&found.told)).ok()?;
     if poses == Poses::Any {
         return Some(checked);
@@ -126,10 +126,10 @@ fn richer(
     fit: &Estimate,
     found: &TurnEstimate,
     judge: &Judge<'_>,
-    givens: &Givens<'_>,
+    inputs: &FitInputs<'_>,
 ) -> Option<Estimate> {
     let observations: Vec<_> = trial.seen.iter().map(|placed| placed.observation).collect();
-    let mut richer = triangular(&observations, trial.poses, found, judge, givens)?;
+    let mut richer = triangular(&observations, trial.poses, found, judge, inputs)?;
     for doubt in trial.doubts.iter().map(|doubt| &doubt.moved).chain(trial.drift.iter().map(|drift| &drift.moved)) {
         // Doubts about bias and scale on the faces; the entries below the diagonal come from the turns.
         let mut moved = DVector::zeros(richer.parameters.len());
@@ -143,16 +143,16 @@ fn richer(
 }
 
 /// Start of the first rest, usable turns between accepted rests, and the numbers of unusable ones by reason.
-fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, TurnSession, Vec<(Unusable, usize)>) {
+fn session(inputs: &FitInputs<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, TurnSession, Vec<(Unusable, usize)>) {
     let told = entries.iter().enumerate().filter(|(_, entry)| observations::tells_of_rates(entry, noise));
     let (places, told): (Vec<_>, Vec<_>) = told.unzip();
     let place = |start: Stamp| told.iter().position(|entry| entry.rest.start == start);
     let first = told.first().map_or(Stamp::default(), |entry| entry.rest.start);
     let rests = told.iter().filter_map(|entry| seen(entry, first)).collect();
     let (mut turns, mut unusable) = (Vec::new(), Vec::<(Unusable, usize)>::new());
-    let between = givens.turns.turns(|start| place(start).is_some());
+    let between = inputs.turns.turns(|start| place(start).is_some());
     for turn in &between {
-        if let Some(why) = turn.unusable(givens.gyro_range) {
+        if let Some(why) = turn.unusable(inputs.gyro_range) {
             match unusable.iter_mut().find(|(known, _)| *known == why) {
                 Some((_, count)) => *count += 1,
                 None => unusable.push((why, 1)),
@@ -166,10 +166,10 @@ fn session(givens: &Givens<'_>, entries: &[JudgedRest], noise: f64) -> (Stamp, T
             seconds: turn.seconds(),
             path: turn.path(),
             roughness: turn.roughness(),
-            known: givens.rotations.of(turn, || &between),
+            known: inputs.rotations.of(turn, || &between),
         });
     }
-    for turn in givens.past_turns {
+    for turn in inputs.past_turns {
         let [from, to] = turn.rests.map(|rest| places.binary_search(&rest));
         if let (Ok(from), Ok(to)) = (from, to) {
             turns.push(TurnSeen { rests: [from, to], ..turn.clone() });

@@ -6,12 +6,12 @@ use crate::fit::temperature::{BiasCourse, Unclear};
 
 /// Dependence of the biases on the temperature, or the reason why that is not told.
 #[derive(Clone, Debug)]
-pub(super) struct Warmth {
+pub(super) struct TemperatureCourses {
     pub(super) accelerometer: Result<BiasCourse, Unclear>,
     pub(super) gyroscope: Result<BiasCourse, Unclear>,
 }
 
-impl Warmth {
+impl TemperatureCourses {
     /// Excess of an accelerometer's reading at a temperature, °C, over that at the temperature of reference, m/s².
     pub(super) fn force(&self, celsius: Option<f64>) -> Vector3<f64> {
         change(&self.accelerometer, celsius)

@@ -8,7 +8,7 @@ use crate::Stamp;
 /// Regression of the stamps over the sample number, from the latest ones (an α–β filter with the gains of a regression,
 /// Bar-Shalom et al., "Estimation with applications to tracking and navigation", 2001).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Timebase {
+pub(super) struct SampleClock {
     /// Last stamp, and the line's time for it less the stamp, ns.
     last: Option<(Stamp, f64)>,
     /// Sample period, ns.
@@ -30,7 +30,7 @@ const LEAST: f64 = 32.0;
 /// Largest gap within a line, in periods.
 const GAP: f64 = 20.0;
 
-impl Timebase {
+impl SampleClock {
     /// Interval from the sample before, by the line, ns; `None` for the first one.
     pub(super) fn interval(&mut self, stamp: Stamp) -> Option<f64> {
         let Some((last, late)) = self.last else {
@@ -79,14 +79,14 @@ mod tests {
     /// ns and a share `lost` of which is missing.
     fn scatter(jitter: f64, lost: f64) -> f64 {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-        let mut timebase = Timebase::default();
+        let mut sample_clock = SampleClock::default();
         let (mut squares, mut count, mut before) = (0.0, 0.0, 0);
         for i in 0..6000_i64 {
             if rng.random::<f64>() < lost {
                 continue;
             }
             let stamp = Stamp::from_nanos(i * 10_000_000 + (jitter * rng.sample::<f64, _>(StandardNormal)) as i64);
-            let interval = timebase.interval(stamp);
+            let interval = sample_clock.interval(stamp);
             if let Some(interval) = interval.filter(|_| i > 3000) {
                 squares += (interval - (i - before) as f64 * 1e7).powi(2);
                 count += 1.0;
@@ -111,13 +111,13 @@ mod tests {
 
     #[test]
     fn a_clock_that_changes_its_pace_is_followed() {
-        let mut timebase = Timebase::default();
+        let mut sample_clock = SampleClock::default();
         let mut now = 0;
         let mut sum = 0.0;
         for i in 0..4000 {
             let interval = if i < 2000 { 10_000_000 } else { 5_000_000 };
             now += interval;
-            let said = timebase.interval(Stamp::from_nanos(now));
+            let said = sample_clock.interval(Stamp::from_nanos(now));
             if i > 2200 {
                 assert!((said.unwrap_or(0.0) - 5e6).abs() < 5e4, "{i}: {said:?}");
                 sum += said.unwrap_or(0.0);

@@ -15,13 +15,13 @@ const FEWEST: f64 = 5.0;
 
 /// Spans of a triad's readings.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Calm {
+pub(super) struct SpanMeans {
     origin: Option<Stamp>,
     width: i64,
     spans: Vec<Sums>,
 }
 
-impl Default for Calm {
+impl Default for SpanMeans {
     fn default() -> Self {
         Self { origin: None, width: WIDTH, spans: Vec::new() }
     }
@@ -64,7 +64,7 @@ impl Sums {
     }
 }
 
-impl Calm {
+impl SpanMeans {
     /// Takes a sample. Ignores one from before the first, and one that is not finite.
     pub(super) fn push(&mut self, sample: &Sample) {
         let since = sample.stamp.since(*self.origin.get_or_insert(sample.stamp));
@@ -99,30 +99,30 @@ impl Calm {
 mod tests {
     use super::*;
 
-    fn push(calm: &mut Calm, millis: i64, value: [f64; 3]) {
+    fn push(span_means: &mut SpanMeans, millis: i64, value: [f64; 3]) {
         let stamp = Stamp::from_nanos(millis * 1_000_000);
-        calm.push(&Sample { stamp, log_time: 0, value: value.into() });
+        span_means.push(&Sample { stamp, log_time: 0, value: value.into() });
     }
 
     #[test]
     fn the_quietest_span_is_found_and_memory_is_bounded() {
-        let mut calm = Calm::default();
+        let mut span_means = SpanMeans::default();
         for i in 0..3_000_i64 {
             let shake = if (1000..1100).contains(&i) { 0.01 } else { 1.0 };
-            push(&mut calm, 10 * i, [(i as f64).sin() * shake, 0.0, 9.8]);
+            push(&mut span_means, 10 * i, [(i as f64).sin() * shake, 0.0, 9.8]);
         }
-        let (at, sums) = calm.quietest(0, i64::MAX).unwrap();
+        let (at, sums) = span_means.quietest(0, i64::MAX).unwrap();
         assert!((10_000_000_000..11_000_000_000).contains(&at), "{at}");
         assert!(sums.deviation() < 0.01 && (sums.mean.z - 9.8).abs() < 1e-9, "{sums:?}");
-        assert!(calm.quietest(20_000_000_000, 21_000_000_000).unwrap().1.deviation() > 0.5);
+        assert!(span_means.quietest(20_000_000_000, 21_000_000_000).unwrap().1.deviation() > 0.5);
         // A year later.
         for i in 0..100 {
-            push(&mut calm, 31_536_000_000 + 10 * i, [0.0, 0.0, 9.8]);
+            push(&mut span_means, 31_536_000_000 + 10 * i, [0.0, 0.0, 9.8]);
         }
-        push(&mut calm, 31_536_000_000, [f64::NAN, 0.0, 0.0]);
-        push(&mut calm, -5, [0.0, 0.0, 0.0]);
-        assert!(calm.spans.len() <= SPANS);
-        assert_eq!(calm.spans.iter().map(|sums| sums.count).sum::<f64>(), 3_100.0);
-        assert_eq!(Calm::default().quietest(0, 1), None);
+        push(&mut span_means, 31_536_000_000, [f64::NAN, 0.0, 0.0]);
+        push(&mut span_means, -5, [0.0, 0.0, 0.0]);
+        assert!(span_means.spans.len() <= SPANS);
+        assert_eq!(span_means.spans.iter().map(|sums| sums.count).sum::<f64>(), 3_100.0);
+        assert_eq!(SpanMeans::default().quietest(0, 1), None);
     }
 }

@@ -7,7 +7,7 @@ use crate::fit::{Gravity, Parameterisation};
 use crate::turns::History;
 
 /// Inputs beside the rests.
-pub(super) struct Givens<'a> {
+pub(super) struct FitInputs<'a> {
     pub(super) gravity: Gravity,
     /// Quantisation step of the accelerometer, m/s².
     pub(super) step: Option<f64>,
