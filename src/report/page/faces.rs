@@ -10,21 +10,21 @@ use crate::messages::Face;
 use crate::report::vector;
 
 pub(super) fn section(imu: &Imu<'_>) -> Option<Markup> {
-    let faces = imu.findings.coverage.as_ref().map_or(&[][..], |coverage| &coverage.faces);
-    if faces.is_empty() {
-        return None;
-    }
+    let coverage = imu.findings.coverage.as_ref().filter(|coverage| !coverage.faces.is_empty())?;
+    let faces = &coverage.faces[..];
     let content = html! {
         div.faces {
-            ul { @for (i, face) in faces.iter().enumerate() { (card(i, face)) } }
+            ul { @for (i, face) in faces.iter().enumerate() { (card(i, face, coverage.complete)) } }
             div.maps { (map(faces, imu, 1.0, "z up")) (map(faces, imu, -1.0, "z down")) }
         }
     };
     Some(elements::section("Faces", content))
 }
 
-fn card(index: usize, face: &Face) -> Markup {
+/// A face; one that was not seen is not asked for either once the coverage is complete, as where poses are spread.
+fn card(index: usize, face: &Face, complete: bool) -> Markup {
     let (class, text) = match face.placements {
+        0 if complete => ("missing", "not needed".to_owned()),
         0 => ("missing", "not seen yet".to_owned()),
         1 => ("seen", format!("once, {:.1} s", face.seconds)),
         times => ("seen", format!("{times} times, {:.1} s", face.seconds)),
