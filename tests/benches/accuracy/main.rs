@@ -198,6 +198,10 @@ fn of_turns(seeds: Seeds, part: &str) -> bool {
         for triad in 0..2 {
             let published = outcomes.iter().filter(|outcome| outcome[triad].is_some()).count();
             let seen: Vec<_> = outcomes.iter().filter_map(|outcome| outcome[triad].as_ref()).flatten().collect();
+            if seen.is_empty() {
+                print!(" | {:>36}", "none published");
+                continue;
+            }
             let error = root_mean(seen.iter().map(|seen| seen.error * seen.error));
             let over = root_mean(seen.iter().map(|seen| (seen.error / seen.bound).powi(2)));
             let inside = seen.iter().filter(|seen| seen.is_inside()).count();

@@ -46,7 +46,7 @@ pub struct Session {
 const PLAIN: Session = Session {
     name: "",
     bounded: false,
-    turns: 12,
+    turns: 24,
     spread: false,
     rate_hz: 100.0,
     jitter: 0.0,
@@ -75,16 +75,17 @@ impl Seen {
 
 impl Session {
     pub const ALL: &[Self] = &[
+        // Fewer than eight turns publish nothing.
         Self { name: "6 turns over six faces", bounded: true, turns: 6, ..PLAIN },
-        Self { name: "12 turns over six faces", bounded: true, ..PLAIN },
-        Self { name: "24 turns over six faces", bounded: true, turns: 24, ..PLAIN },
+        Self { name: "12 turns over six faces", bounded: true, turns: 12, ..PLAIN },
+        Self { name: "24 turns over six faces", bounded: true, ..PLAIN },
         Self { name: "19 turns between spread poses", bounded: true, turns: 19, spread: true, ..PLAIN },
         Self { name: "jitter of 1 ms", jitter: 1e-3, ..PLAIN },
         Self { name: "jitter of 3 ms", jitter: 3e-3, ..PLAIN },
         Self { name: "5 % of samples lost", dropped: 0.05, ..PLAIN },
         Self { name: "0.1 °/s/g", g_sensitivity: 0.1, ..PLAIN },
         Self { name: "cross-axis of 1 %", cross_axis: 0.01, ..PLAIN },
-        Self { name: "knocks at the end of turns", knock: 1.0, ..PLAIN },
+        Self { name: "knocks at the end of turns", knock: 0.1, ..PLAIN },
         Self { name: "25 Hz", rate_hz: 25.0, ..PLAIN },
         Self { name: "50 Hz", rate_hz: 50.0, ..PLAIN },
         Self { name: "400 Hz", rate_hz: 400.0, ..PLAIN },
@@ -92,6 +93,7 @@ impl Session {
         Self { name: "bandwidth of 20 Hz", bandwidth: Some(20.0), ..PLAIN },
         Self { name: "bandwidth of 100 Hz at 400 Hz", bandwidth: Some(100.0), rate_hz: 400.0, ..PLAIN },
         Self { name: "clipped at 100 °/s", range: Some(100.0), ..PLAIN },
+        Self { name: "clipped at 250 °/s", range: Some(250.0), ..PLAIN },
     ];
 
     /// Entries of the gyroscope's S and those below the diagonal of the accelerometer's; none where they are not published.
