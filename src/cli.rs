@@ -203,7 +203,7 @@ pub struct Export {
 /// What a format of others has to be told.
 #[derive(Debug, Args)]
 pub struct Convention {
-    /// Which IMU, where a format holds one and there are several
+    /// Which IMU, where a format holds one and there are several; of merge, the name or key of a sensor
     #[arg(long, value_name = "NAME")]
     pub imu: Option<String>,
     /// A secondary accelerometer instead of the primary one (imu-calib, px4, ardupilot)

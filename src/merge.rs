@@ -14,6 +14,7 @@ mod outcome;
 mod past_rest;
 mod past_turn;
 mod random_walk;
+mod remount;
 mod thinned_set;
 mod timeline;
 

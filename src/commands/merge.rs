@@ -61,7 +61,9 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
     unapplied::say(&args.configuration, annotated.iter().map(|(path, stored)| (*path, stored.as_str())), |change| {
         applies(change, &config)
     })?;
-    let merged = merge::outcome(&all, &config);
+    let merged = chosen(merge::outcome(&all, &config), args.convention.imu.as_deref())?;
+    // The one that was chosen, by whatever it goes.
+    let options = report::Options { imu: None, ..options };
     let uncalibrated = merged.iter().filter(|merged| !merged.findings.is_calibrated()).map(|merged| merged.key.clone());
     let uncalibrated: Vec<_> = uncalibrated.collect();
     if args.require_calibration && !uncalibrated.is_empty() {
@@ -72,11 +74,17 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
         write(&page(&merged, inputs.len(), &config), Some(output), args.force, &read)?;
     }
     match args.format {
-        Some(format) if format.name == "json" && args.convention.imu.is_none() => {
+        Some(format) if format.name == "json" => {
             write(&format!("{:#}\n", merge::document(&merged)), args.output.as_deref(), args.force, &read)?;
         }
         Some(format) => {
             let findings: Vec<Findings> = merged.iter().map(|merged| merged.findings.clone()).collect();
+            if let Some(names) = namesakes(&merged) {
+                return Err(Error::Usage(format!(
+                    "{names}, which {} cannot tell apart: choose one with --imu KEY, or --format json",
+                    format.name
+                )));
+            }
             let refused = export::refused("the merged calibration".as_ref());
             let exported = report::export(&findings, format, &options).map_err(refused)?;
             write(&exported.text, args.output.as_deref(), args.force, &read)?;
@@ -96,6 +104,32 @@ pub fn run(args: &cli::Merge, json: bool, stop: &Stop) -> Result<Code, Error> {
     }
     annotate::say_unmet(code, "the merged calibration".as_ref(), &uncalibrated);
     Ok(code)
+}
+
+/// The sensor that is asked for by its key, or by a name that it has alone; all if none is.
+fn chosen(merged: Vec<Merged>, imu: Option<&str>) -> Result<Vec<Merged>, Error> {
+    let Some(imu) = imu else { return Ok(merged) };
+    let keys: Vec<_> = merged.iter().map(|merged| merged.key.clone()).collect();
+    let (by_key, others): (Vec<_>, Vec<_>) = merged.into_iter().partition(|merged| merged.key == imu);
+    let named = others.into_iter().filter(|merged| merged.findings.name == imu || merged.findings.topic == imu);
+    let found = if by_key.is_empty() { named.collect() } else { by_key };
+    match found.len() {
+        1 => Ok(found),
+        0 => Err(Error::Usage(format!("no sensor {imu}; there are: {}", keys.join(", ")))),
+        several => {
+            let keys: Vec<_> = found.iter().map(|merged| merged.key.clone()).collect();
+            Err(Error::Usage(format!("{several} sensors are called {imu}; choose one by its key: {}", keys.join(", "))))
+        }
+    }
+}
+
+/// Sensors that share a name, in words.
+fn namesakes(merged: &[Merged]) -> Option<String> {
+    let shares = |one: &Merged| merged.iter().filter(|other| other.findings.name == one.findings.name).count() > 1;
+    let name = &merged.iter().find(|merged| shares(merged))?.findings.name;
+    let keys = merged.iter().filter(|merged| merged.findings.name == *name).map(|merged| merged.key.as_str());
+    let keys: Vec<_> = keys.collect();
+    Some(format!("{} sensors are called {name} ({})", keys.len(), keys.join(", ")))
 }
 
 /// Whether a merge follows a setting though the rests and turns are read as they were found.

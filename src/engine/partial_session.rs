@@ -136,15 +136,15 @@ fn message(found: &partial::Combination) -> Combination {
         coefficients: found.coefficients.as_slice().to_vec(),
         value: found.value,
         std: found.std,
-        explanation: text(found),
+        explanation: text(found.coefficients.as_slice(), found.value, found.std),
     }
 }
 
-/// The sum as people write it, with half of its 95 % interval.
-fn text(found: &partial::Combination) -> String {
+/// A sum as people write it, with half of its 95 % interval: coefficients of the biases, then of S row by row.
+pub(super) fn text(coefficients: &[f64], value: f64, std: f64) -> String {
     let mut text = String::new();
     let mut has_bias = false;
-    for (term, coefficient) in Parameterisation::MATRIX.terms().iter().zip(&found.coefficients) {
+    for (term, coefficient) in Parameterisation::MATRIX.terms().iter().zip(coefficients) {
         if *coefficient == 0.0 {
             continue;
         }
@@ -164,10 +164,10 @@ fn text(found: &partial::Combination) -> String {
             factor => format!("{factor:.3} · {name}"),
         };
     }
-    let half = HALF * found.std;
+    let half = HALF * std;
     // The decimals of the half's first two digits.
     let decimals = (1.0 - libm::floor(libm::log10(half.max(1e-9)))).clamp(0.0, 9.0) as usize;
-    let value = format!("{:.decimals$}", found.value);
+    let value = format!("{value:.decimals$}");
     let unit = if has_bias { " m/s²" } else { "" };
     format!("{text} = {value} ± {half:.decimals$}{unit}")
 }
@@ -180,11 +180,17 @@ mod tests {
     fn a_sum_reads_as_people_write_it() {
         let mut found = partial::Combination { coefficients: nalgebra::SVector::zeros(), value: 9.8731, std: 0.0102 };
         (found.coefficients[0], found.coefficients[3]) = (1.0, 9.80665);
-        assert_eq!(text(&found), "bias x + 9.807 · scale x = 9.873 ± 0.020 m/s²");
+        assert_eq!(
+            text(found.coefficients.as_slice(), found.value, found.std),
+            "bias x + 9.807 · scale x = 9.873 ± 0.020 m/s²"
+        );
         (found.coefficients[3], found.value) = (-9.80665, -9.7);
-        assert_eq!(text(&found), "bias x - 9.807 · scale x = -9.700 ± 0.020 m/s²");
+        assert_eq!(
+            text(found.coefficients.as_slice(), found.value, found.std),
+            "bias x - 9.807 · scale x = -9.700 ± 0.020 m/s²"
+        );
         found.coefficients.fill(0.0);
         (found.coefficients[7], found.value, found.std) = (1.0, 1.00234, 0.000_9);
-        assert_eq!(text(&found), "scale y = 1.0023 ± 0.0018");
+        assert_eq!(text(found.coefficients.as_slice(), found.value, found.std), "scale y = 1.0023 ± 0.0018");
     }
 }

@@ -10,11 +10,11 @@ use super::config::Config;
 use super::noise::Noise;
 use super::session::Session;
 use super::solution::Solution;
-use super::{guidance, publication, solve};
+use super::{guidance, partial_session, publication, solve};
 use crate::fit::turn_fit::{Told, TurnSeen};
 use crate::fit::{Estimate, Gravity, Parameterisation, Term};
 use crate::imu::Sensor;
-use crate::messages::{Calibration, Coverage, Segment, TriadMean as MeanMessage};
+use crate::messages::{Calibration, Combination, Coverage, Segment, TriadMean as MeanMessage};
 use crate::still::{AllanSums, ReadingRange, Rest, Sketch, TriadMean};
 use crate::{Stamp, messages};
 
@@ -36,6 +36,8 @@ pub struct Moved {
     pub parameters: DVector<f64>,
     /// Covariance of the values, without the uncertainty of gravity.
     pub covariance: DMatrix<f64>,
+    /// What each value walks over the whole time, one standard deviation.
+    pub walked: DVector<f64>,
     /// Note for the calibration.
     pub note: String,
 }
@@ -96,16 +98,23 @@ pub fn refit(
 
 impl Motion {
     /// Replaces the estimates of accelerometer and gyroscope, and returns by what. What the turns show of the
-    /// accelerometer is joined to its values; of the gyroscope they show the sensitivity, which does not move.
+    /// accelerometer's off-diagonal entries is joined to its values: those do not move, whereas bias and scale were others at
+    /// each of the turns. Of the gyroscope they show the sensitivity, which does not move.
     pub(super) fn replace(&self, solution: &mut Solution) -> [Option<&Moved>; 2] {
         let turning = solution.turning.as_ref();
         let found = turning.and_then(|turning| turning.found.as_ref().ok());
-        let told = found.filter(|_| turning.is_some_and(|turning| turning.completed)).map(|found| &found.told);
+        let told = found.filter(|_| turning.is_some_and(|turning| turning.completed));
+        let told = told.map(|found| Told::from(&found.off_diagonals));
         let mut moved = [None; 2];
         if let (Some(accelerometer), Ok(fit)) = (&self.accelerometer, &mut solution.accelerometer) {
-            let joined = told.and_then(|told| accelerometer.joined(told));
+            let joined = told.and_then(|told| accelerometer.joined(&told));
             joined.as_ref().unwrap_or(accelerometer).replace(fit, Some(solution.gravity));
             moved[0] = Some(accelerometer);
+        }
+        if let (Some(accelerometer), Err(_), Ok(known)) =
+            (&self.accelerometer, &solution.accelerometer, &mut solution.partial.accelerometer)
+        {
+            known.iter_mut().for_each(|known| accelerometer.restate(known, solution.gravity));
         }
         if let (Some(gyroscope), Some(bias), Some(fit)) =
             (&self.gyroscope, &mut solution.gyro_at_rest, &mut solution.gyroscope)
@@ -131,7 +140,38 @@ impl Moved {
         let information = DMatrix::from_fn(count, count, |i, j| own[(i, j)] + more[(i, j)]);
         let covariance = information.cholesky()?.inverse();
         let moment = own * &self.parameters + DVector::from_column_slice(moment.as_slice());
-        Some(Self { parameters: &covariance * moment, covariance, note: self.note.clone() })
+        Some(Self {
+            parameters: &covariance * moment,
+            covariance,
+            walked: self.walked.clone(),
+            note: self.note.clone(),
+        })
+    }
+
+    /// Restates a combination of parameters that move. Where their values do not determine it, as where it comes from how
+    /// level faces lie, it may have walked.
+    fn restate(&self, known: &mut Combination, gravity: Gravity) {
+        let (order, all) = (Parameterisation::TRIANGULAR, Parameterisation::MATRIX);
+        if self.parameters.len() != order.unknowns() {
+            return;
+        }
+        let coefficient = |term: &Term| {
+            let at = all.terms().iter().position(|other| other == term);
+            at.and_then(|at| known.coefficients.get(at)).copied().unwrap_or(0.0)
+        };
+        let coefficients = DVector::from_iterator(order.unknowns(), order.terms().iter().map(coefficient));
+        let std = coefficients.dot(&(&self.covariance * &coefficients)).max(0.0).sqrt();
+        let scale = coefficients.rows(3, order.unknowns() - 3).norm();
+        let std = libm::hypot(std, scale * gravity.std / gravity.value);
+        let walked = coefficients.component_mul(&self.walked).norm();
+        // Values that the lengths of readings determine; what the rests leave open else stays in the interval.
+        if std < 3.0 * libm::hypot(known.std, walked) {
+            known.value = coefficients.dot(&self.parameters);
+            known.std = known.std.max(std);
+        } else {
+            known.std = libm::hypot(known.std, walked);
+        }
+        known.explanation = partial_session::text(&known.coefficients, known.value, known.std);
     }
 
     /// Replaces the values of an estimate with the same parameters, or fewer.

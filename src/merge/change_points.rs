@@ -1,13 +1,16 @@
 //! Change points: gaps between recordings where parameters jumped rather than walked. At each gap, a likelihood ratio
 //! compares the parameters estimated from the recordings before it and after it (Willsky & Jones 1976).
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 use super::random_walk::{Equation, Filtered, Setting, Visit, Walk, span};
 
 /// Normal score of a likelihood ratio beyond which there was a jump. One gap in 30,000 exceeds it by chance: with two
 /// triads, less than one in ten sensors with a thousand recordings each.
 const BEYOND: f64 = 4.0;
+
+/// The same where another triad jumped: shocks act on both.
+const HINTED: f64 = 2.0;
 
 /// A jump of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,24 +113,35 @@ fn is_checked<const N: usize>(equations: &[Equation<N>], one: usize) -> bool {
     others.into_iter().any(|other| own.dot(&other).abs() > NEAR * own.norm() * other.norm())
 }
 
-/// Finds the jumps, the likeliest first; returns them in time order.
-pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>]) -> Vec<Jump<N>> {
+/// Finds the jumps, the likeliest first; returns them in time order. Where another triad of the sensor jumps, by the first visit
+/// behind it, less evidence suffices, and the jump is there and not beside it.
+pub(super) fn jumps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], hints: &[usize]) -> Vec<Jump<N>> {
     /// Most jumps; a sensor that jumps more often has no meaningful calibration.
     const MOST: usize = 64;
-    let mut resets = Vec::new();
+    let is_enough = |jump: &Jump<N>| jump.score > if hints.contains(&jump.at) { HINTED } else { BEYOND };
+    let mut resets: Vec<usize> = Vec::new();
     while resets.len() < MOST {
-        let Some(at) = best(walk, visits, &resets).filter(|jump| jump.score > BEYOND).map(|jump| jump.at) else {
-            break;
-        };
-        resets.push(at);
+        let beside = |at: usize| hints.iter().any(|hint| hint.abs_diff(at) == 1);
+        let further = gaps(walk, visits, &resets).into_iter();
+        let further = further.filter(|jump| is_enough(jump) && (hints.contains(&jump.at) || !beside(jump.at)));
+        let Some(jump) = further.max_by(|a, b| a.score.total_cmp(&b.score)) else { break };
+        resets.push(jump.at);
         resets.sort_unstable();
     }
-    // Each jump evaluated beside all the others.
-    let each = resets.iter().filter_map(|&at| {
-        let others: Vec<_> = resets.iter().copied().filter(|other| *other != at).collect();
-        gaps(walk, visits, &others).into_iter().find(|jump| jump.at == at)
-    });
-    each.collect()
+    // Each jump evaluated beside all the others; what is no longer likely beside them goes.
+    loop {
+        let each = resets.iter().filter_map(|&at| {
+            let others: Vec<_> = resets.iter().copied().filter(|other| *other != at).collect();
+            gaps(walk, visits, &others).into_iter().find(|jump| jump.at == at)
+        });
+        let found: Vec<Jump<N>> = each.collect();
+        let weakest = found.iter().filter(|jump| !is_enough(jump)).min_by(|a, b| a.score.total_cmp(&b.score));
+        let gone = weakest
+            .map(|jump| jump.at)
+            .or_else(|| resets.iter().copied().find(|at| found.iter().all(|jump| jump.at != *at)));
+        let Some(gone) = gone else { return found };
+        resets.retain(|at| *at != gone);
+    }
 }
 
 /// The likeliest further jump.
@@ -159,29 +173,112 @@ fn gaps<const N: usize>(walk: &Walk<N>, visits: &[Visit<N>], resets: &[usize]) -
             let seconds = visits.get(k)?.time - visits.get(k - 1)?.time;
             let covariance = before.covariance + after.covariance + walk.walked(*setting, seconds);
             let by = after.mean - before.mean;
-            let square = by.dot(&(covariance.try_inverse()? * by));
-            let known = (0..N).map(|i| {
-                let prior = walk.prior[i] * walk.prior[i];
-                (1.0 - before.covariance[(i, i)].max(after.covariance[(i, i)]) / prior).max(0.0)
-            });
-            let freedom = known.sum::<f64>();
-            let std = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
-            // Twice the log likelihood ratio of all equations with this jump and setting.
-            let ratio = square + 2.0 * (likelihood(run) - without);
-            Some((ratio, freedom, by, std))
+            // Twice the log likelihood ratio of all equations with this setting.
+            let more = 2.0 * (likelihood(run) - without);
+            Difference::new(by, covariance, &walk.prior, more)
         };
-        let best = runs.iter().filter_map(of_run).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let (ratio, freedom, by, std) = best;
+        let each: Vec<_> = runs.iter().filter_map(of_run).collect();
         let told = |side: &[Visit<N>]| side.iter().map(|visit| visit.equations.len()).sum::<usize>() > 1;
         let (before, after) = visits.split_at_checked(k)?;
-        (freedom > 0.5 && told(before) && told(after)).then(|| Jump {
-            at: k,
-            by,
-            std,
-            score: normal(ratio, freedom.max(1.0)),
+        if !(told(before) && told(after)) {
+            return None;
+        }
+        let likeliest = |of: Part| each.iter().map(|one| one.ratio(of)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let (all, biases, bias) = (likeliest(Part::All)?, likeliest(Part::Biases)?, likeliest(Part::Bias)?);
+        let score = |(ratio, freedom): (f64, f64), tests| of_several(normal(ratio, freedom.max(1.0)), tests);
+        let score = score(all, 3.0).max(score(biases, 3.0)).max(score(bias, 9.0));
+        (all.1 > 0.5).then(|| {
+            let (by, std) = mean(&each);
+            Jump { at: k, by, std, score }
         })
     };
     (1..visits.len()).filter(|k| !resets.contains(k)).filter_map(at).collect()
+}
+
+/// Parameters behind a gap less those before it, with one setting.
+struct Difference<const N: usize> {
+    by: SVector<f64, N>,
+    covariance: SMatrix<f64, N, N>,
+    /// Twice the log likelihood ratio of the setting.
+    more: f64,
+    /// Logarithm of the determinant of the covariance: what a jump of any size makes less likely than the likeliest one.
+    spread: f64,
+    /// Twice the log likelihood ratio of a jump beside none, and its degrees of freedom, by [`Part`].
+    parts: [(f64, f64); 3],
+}
+
+/// Parameters that jump; the others stay.
+#[derive(Clone, Copy)]
+enum Part {
+    All,
+    Biases,
+    /// One of them.
+    Bias,
+}
+
+impl<const N: usize> Difference<N> {
+    fn new(by: SVector<f64, N>, covariance: SMatrix<f64, N, N>, prior: &SVector<f64, N>, more: f64) -> Option<Self> {
+        let information = covariance.try_inverse()?;
+        let told = information * by;
+        // Of parameters that are not known on both sides no jump is seen.
+        let known = |i: usize, variance: f64| (1.0 - variance / (2.0 * prior[i] * prior[i])).clamp(0.0, 1.0);
+        let freedom = (0..N).map(|i| known(i, covariance[(i, i)])).sum::<f64>();
+        // The biases come first.
+        let of_biases = Matrix3::from_fn(|i, j| information[(i, j)]).try_inverse()?;
+        let biases = Vector3::from_fn(|i, _| told[i]);
+        let bias = (0..3).map(|i| biases[i] * biases[i] / information[(i, i)]).fold(0.0, f64::max);
+        let freedom_of_biases = (0..3).map(|i| known(i, of_biases[(i, i)])).sum::<f64>();
+        let parts = [(by.dot(&told), freedom), (biases.dot(&(of_biases * biases)), freedom_of_biases), (bias, 1.0)];
+        let root = DMatrix::from_fn(N, N, |i, j| covariance[(i, j)]).cholesky()?;
+        let spread = 2.0 * root.l_dirty().diagonal().iter().map(|entry| libm::log(*entry)).sum::<f64>();
+        Some(Self { by, covariance, more, spread, parts })
+    }
+
+    /// Twice the log likelihood ratio of all equations with this jump and setting, and its degrees of freedom.
+    fn ratio(&self, part: Part) -> (f64, f64) {
+        let (explained, freedom) = self.parts[part as usize];
+        (explained + self.more, freedom)
+    }
+
+    /// Jump and its variances: where no more than the biases jump, given that the others stay.
+    fn jump(&self) -> (SVector<f64, N>, SVector<f64, N>) {
+        /// Score beyond which more than the biases jumps.
+        const MORE: f64 = 3.0;
+        let (mut by, mut variance) = (self.by, self.covariance.diagonal());
+        let [(all, freedom), (biases, of_biases), _] = self.parts;
+        let others = freedom - of_biases;
+        if N > 3
+            && (others < 0.5 || normal(all - biases, others.max(1.0)) < MORE)
+            && let Some(information) = self.covariance.try_inverse()
+            && let Some(inverse) = Matrix3::from_fn(|i, j| information[(i, j)]).try_inverse()
+        {
+            let told = information * self.by;
+            let alone = inverse * Vector3::from_fn(|i, _| told[i]);
+            (0..3).for_each(|i| (by[i], variance[i]) = (alone[i], inverse[(i, i)]));
+        }
+        (by, variance)
+    }
+}
+
+/// Mean of the differences by their likelihoods, and its standard deviation.
+fn mean<const N: usize>(each: &[Difference<N>]) -> (SVector<f64, N>, SVector<f64, N>) {
+    let likelihood = |one: &Difference<N>| (one.ratio(Part::All).0 + one.spread) / 2.0;
+    let best = each.iter().map(likelihood).fold(f64::NEG_INFINITY, f64::max);
+    let jumps: Vec<_> = each.iter().map(|one| (libm::exp(likelihood(one) - best), one.jump())).collect();
+    let total: f64 = jumps.iter().map(|(weight, _)| weight).sum();
+    let by = jumps.iter().map(|(weight, (by, _))| by * (weight / total)).sum::<SVector<f64, N>>();
+    let variance = jumps.iter().map(|(weight, (one, variance))| {
+        let off = one - by;
+        (variance + off.component_mul(&off)) * (weight / total)
+    });
+    let variance = variance.sum::<SVector<f64, N>>();
+    (by, variance.map(|variance| variance.max(0.0).sqrt()))
+}
+
+/// Normal score of the best of several tests: the tail of each is about e^(−z²/2).
+fn of_several(score: f64, tests: f64) -> f64 {
+    let square = score * score - 2.0 * libm::log(tests);
+    if score > 0.0 { square.max(0.0).sqrt() } else { score }
 }
 
 /// Normal score with the same tail probability as this χ² (Wilson & Hilferty 1931).

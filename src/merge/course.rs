@@ -62,7 +62,12 @@ fn jump(change: &Change) -> Jump {
     let what = match change.kind {
         ChangeKind::Shock => "a shock",
         ChangeKind::Replaced => "another sensor or range",
+        ChangeKind::Remounted => "remounted",
     };
+    let turned = change.turned.map(|angle| format!("at rest it lies another way, by {:.0}°", angle.to_degrees()));
+    if let (ChangeKind::Remounted, Some(turned)) = (change.kind, &turned) {
+        return Jump { after: change.after, before: change.before, what: format!("{what}: {turned}") };
+    }
     let numbers = |[by, std]: &[[f64; 3]; 2]| {
         let each = by.iter().zip(std).map(|(by, std)| estimate(*by, 1.96 * std));
         each.collect::<Vec<_>>().join("  ")
@@ -73,6 +78,9 @@ fn jump(change: &Change) -> Jump {
     }
     if let Some(gyro) = &change.gyro_bias {
         what += &format!(", gyroscope {} rad/s", numbers(gyro));
+    }
+    if let Some(turned) = turned {
+        what += &format!("; {turned}");
     }
     Jump { after: change.after, before: change.before, what }
 }

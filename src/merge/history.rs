@@ -50,6 +50,8 @@ pub enum ChangeKind {
     Shock,
     /// A sensitivity jumped too: another sensor, or another range.
     Replaced,
+    /// The sensor lies another way at rest, and reads as it did.
+    Remounted,
 }
 
 impl ChangeKind {
@@ -58,6 +60,7 @@ impl ChangeKind {
         match self {
             Self::Shock => "shock",
             Self::Replaced => "replaced",
+            Self::Remounted => "remounted",
         }
     }
 }
@@ -79,7 +82,7 @@ pub struct Change {
     pub scale: [[f64; 3]; 2],
     /// Jump of the gyroscope's bias, rad/s, and its standard deviation; absent without a gyroscope.
     pub gyro_bias: Option<[[f64; 3]; 2]>,
-    /// Change of the attitude at rest, rad, if there is one.
+    /// Change of the attitude at rest, rad, if it always was one before and always another afterwards.
     pub turned: Option<f64>,
 }
 

@@ -10,6 +10,7 @@ use super::history::{Change, ChangeKind, Epoch, History, Point};
 use super::past_rest::PastRest;
 use super::past_turn::PastTurn;
 use super::random_walk::State;
+use super::remount::{Remount, remounts};
 use super::timeline::{self, Course, UNKNOWNS};
 use crate::Stamp;
 use crate::config::Config;
@@ -55,14 +56,16 @@ impl<'a> Story<'a> {
         let engine = engine_config(&identity, config, evidence.unit_confirmed);
         let rests = evidence.in_time();
         let visits = timeline::visits(&rests);
-        let accelerometer = timeline::accelerometer(&rests, &visits, &engine);
         let gyroscope = timeline::gyroscope(&rests, &visits, &engine);
+        let hints: Vec<_> = gyroscope.jumps.iter().map(|jump| jump.at).collect();
+        let accelerometer = timeline::accelerometer(&rests, &visits, &engine, &hints);
         Self { evidence, identity, engine, rests, visits, accelerometer, gyroscope }
     }
 
     fn tell(&self, key: &str) -> Merged {
         let Identity { name, topic, source_type, .. } = &self.identity;
-        let mut findings = Findings { source_type: source_type.clone(), ..Findings::new(name, topic) };
+        let key_of_it = Some(key.to_owned());
+        let mut findings = Findings { key: key_of_it, source_type: source_type.clone(), ..Findings::new(name, topic) };
         let jumps = self.accelerometer.jumps.iter().map(|jump| jump.at);
         let bounds: Vec<_> = [0].into_iter().chain(jumps).chain([self.visits.len()]).collect();
         let mut epochs = Vec::new();
@@ -178,10 +181,19 @@ impl<'a> Story<'a> {
     /// Converts a rest into what it would have read at another visit, if the parameters walk.
     fn as_of(&self, then: usize, visit: usize, rest: &mut Rest) {
         if self.accelerometer.is_followed
-            && let (Some(now), Some(then)) = (self.accelerometer.states.get(visit), self.accelerometer.states.get(then))
+            && let (Some(now), Some(later)) =
+                (self.accelerometer.states.get(visit), self.accelerometer.states.get(then))
         {
             let truth = timeline::calibration(&now.mean).correct(&rest.accelerometer.mean);
-            rest.accelerometer.mean = timeline::calibration(&then.mean).measure(&truth);
+            rest.accelerometer.mean = timeline::calibration(&later.mean).measure(&truth);
+            // What the bias walked in between is known only so well, and by the pace of its walk at worst.
+            let seconds = rest.start.seconds_since(self.time(then).unwrap_or(rest.start)).abs();
+            let samples = rest.accelerometer.effective.max(1.0);
+            for axis in 0..3 {
+                let known = now.covariance[(axis, axis)] + later.covariance[(axis, axis)];
+                rest.accelerometer.covariance[(axis, axis)] +=
+                    known.min(self.accelerometer.speed[axis] * seconds) * samples;
+            }
         }
         if let Some(rate) = &mut rest.gyroscope {
             rate.mean += self.faster(then, visit);
@@ -189,9 +201,14 @@ impl<'a> Story<'a> {
         }
     }
 
+    /// Start of the first rest of a visit.
+    fn time(&self, visit: usize) -> Option<Stamp> {
+        self.visits.get(visit).and_then(|visit| self.rests.get(*visit.first()?)).map(|rest| rest.rest.start)
+    }
+
     /// State of the walking parameters at a visit.
     fn motion(&self, visit: usize) -> Motion {
-        let time = self.visits.get(visit).and_then(|visit| self.rests.get(*visit.first()?)).map(|rest| rest.rest.start);
+        let time = self.time(visit);
         let note = |what: &str, drifts: bool| {
             let how = if drifts { "drifts" } else { "may drift, though it is not plain that it does," };
             format!("{what} {how} from recording to recording: followed to {}", time.map(day).unwrap_or_default())
@@ -199,27 +216,48 @@ impl<'a> Story<'a> {
         let accelerometer = self.accelerometer.states.get(visit).filter(|_| self.accelerometer.is_followed);
         let gyroscope = self.gyroscope.states.get(visit).filter(|_| self.gyroscope.is_followed);
         Motion {
-            accelerometer: accelerometer
-                .map(|state| moved(state, note("the accelerometer", self.accelerometer.drifts))),
-            gyroscope: gyroscope.map(|state| moved(state, note("the gyroscope", self.gyroscope.drifts))),
+            accelerometer: accelerometer.map(|state| {
+                moved(state, self.walked(&self.accelerometer), note("the accelerometer", self.accelerometer.drifts))
+            }),
+            gyroscope: gyroscope
+                .map(|state| moved(state, self.walked(&self.gyroscope), note("the gyroscope", self.gyroscope.drifts))),
         }
+    }
+
+    /// What each parameter walks from the first visit to the last, one standard deviation.
+    fn walked<const N: usize>(&self, course: &Course<N>) -> DVector<f64> {
+        let times = self.time(0).zip(self.time(self.visits.len().saturating_sub(1)));
+        let seconds = times.map_or(0.0, |(first, last)| last.seconds_since(first).abs());
+        DVector::from_iterator(N, course.speed.iter().map(|speed| (speed * seconds).sqrt()))
     }
 
     /// Changes between visits.
     fn changes(&self) -> Vec<Change> {
         let (accelerometer, gyroscope) = (&self.accelerometer.jumps, &self.gyroscope.jumps);
-        let beside = |at: usize| gyroscope.iter().find(move |jump| jump.at.abs_diff(at) <= 1);
-        let alone = gyroscope.iter().filter(|jump| accelerometer.iter().all(|other| other.at.abs_diff(jump.at) > 1));
+        let near = |one: usize, other: usize| one.abs_diff(other) <= 1;
+        let beside = |at: usize| gyroscope.iter().find(move |jump| near(jump.at, at));
+        let alone = gyroscope.iter().filter(|jump| accelerometer.iter().all(|other| !near(other.at, jump.at)));
         let both = accelerometer.iter().map(|jump| (jump.at, Some(jump), beside(jump.at)));
         let mut changes: Vec<_> = both.chain(alone.map(|jump| (jump.at, None, Some(jump)))).collect();
+        let remounts = remounts(&self.rests, &self.visits);
+        let quiet = remounts.iter().filter(|remount| changes.iter().all(|(at, ..)| !near(*at, remount.at)));
+        let quiet: Vec<_> = quiet.map(|remount| (remount.at, None, None)).collect();
+        changes.extend(quiet);
         changes.sort_by_key(|(at, ..)| *at);
-        changes
-            .into_iter()
-            .filter_map(|(at, accelerometer, gyroscope)| self.change(at, accelerometer, gyroscope))
-            .collect()
+        let change = |(at, accelerometer, gyroscope): (usize, _, _)| {
+            let remount = remounts.iter().find(|remount| near(remount.at, at));
+            self.change(at, accelerometer, gyroscope, remount)
+        };
+        changes.into_iter().filter_map(change).collect()
     }
 
-    fn change(&self, at: usize, accelerometer: Option<&Jump<UNKNOWNS>>, gyroscope: Option<&Jump<3>>) -> Option<Change> {
+    fn change(
+        &self,
+        at: usize,
+        accelerometer: Option<&Jump<UNKNOWNS>>,
+        gyroscope: Option<&Jump<3>>,
+        remount: Option<&Remount>,
+    ) -> Option<Change> {
         /// Largest change of scale that leaves a sensor the same, however significant it is.
         const SAME: f64 = 3e-3;
         let rest = |visit: usize, last: bool| {
@@ -238,15 +276,21 @@ impl<'a> Story<'a> {
         let [scale, scale_std] = [&by, &std].map(diagonal);
         let replaced = accelerometer.is_some() && (0..3).any(|i| scale[i].abs() > SAME.max(4.0 * scale_std[i]));
         let scores = accelerometer.map(|jump| jump.score).into_iter().chain(gyroscope.map(|jump| jump.score));
+        let scores = scores.chain(remount.map(Remount::score));
+        let kind = match (accelerometer, gyroscope) {
+            _ if replaced => ChangeKind::Replaced,
+            (None, None) => ChangeKind::Remounted,
+            _ => ChangeKind::Shock,
+        };
         Some(Change {
-            kind: if replaced { ChangeKind::Replaced } else { ChangeKind::Shock },
+            kind,
             after: before.rest.end,
             before: behind.rest.start,
             score: scores.fold(0.0, f64::max),
             bias: [bias(&by), bias(&std)],
             scale: [scale, scale_std],
             gyro_bias: gyro_bias.map(|(by, std)| [by.into(), std.into()]),
-            turned: None,
+            turned: remount.map(|remount| remount.angle),
         })
     }
 
@@ -290,8 +334,9 @@ impl<'a> Story<'a> {
     }
 }
 
-fn moved<const N: usize>(state: &State<N>, note: String) -> Moved {
+fn moved<const N: usize>(state: &State<N>, walked: DVector<f64>, note: String) -> Moved {
     Moved {
+        walked,
         parameters: DVector::from_column_slice(state.mean.as_slice()),
         covariance: DMatrix::from_fn(N, N, |i, j| state.covariance[(i, j)]),
         note,

@@ -56,6 +56,16 @@ pub(super) struct Filtered<const N: usize> {
     pub(super) likelihood: f64,
 }
 
+/// States given all visits, over all settings.
+#[derive(Clone, Debug)]
+pub(super) struct Averaged<const N: usize> {
+    pub(super) states: Vec<State<N>>,
+    /// Twice the log likelihood ratio of walking against constant parameters.
+    pub(super) ratio: f64,
+    /// Mean variance of the walk per second, of a parameter with a pace of one.
+    pub(super) speed: f64,
+}
+
 /// Scatter of placements, and variance of the walk per second.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
@@ -144,9 +154,8 @@ impl<const N: usize> Walk<N> {
         Filtered { states, likelihood: forward.likelihood }
     }
 
-    /// The states given all visits, averaged over the settings with their likelihoods as weights; and twice the log
-    /// likelihood ratio of walking against constant parameters.
-    pub(super) fn average(&self, visits: &[Visit<N>], resets: &[usize]) -> (Vec<State<N>>, f64) {
+    /// The states given all visits, averaged over the settings with their likelihoods as weights.
+    pub(super) fn average(&self, visits: &[Visit<N>], resets: &[usize]) -> Averaged<N> {
         let seconds = span(visits);
         let smoothed =
             self.settings(seconds).into_iter().map(|setting| (setting, self.smooth(visits, resets, setting)));
@@ -179,11 +188,26 @@ impl<const N: usize> Walk<N> {
         } else {
             (0..visits.len()).map(of_visit).collect()
         };
-        (states, if walking.is_finite() { 2.0 * (walking - still) } else { 0.0 })
+        let speeds = smoothed.iter().zip(&weights).map(|((setting, _), weight)| setting.speed * weight / total);
+        let speed = if smoothed.is_empty() { 0.0 } else { speeds.sum() };
+        Averaged { states, ratio: if walking.is_finite() { 2.0 * (walking - still) } else { 0.0 }, speed }
     }
 }
 
 impl<const N: usize> State<N> {
+    /// Point near a common one to linearise at: the mean as far as it is known, the common point where it is not. `within`
+    /// is how far from that it may well be, `prior` the prior state.
+    pub(super) fn settled(&self, common: &SVector<f64, N>, within: &SVector<f64, N>, prior: &Self) -> SVector<f64, N> {
+        let inverse = |matrix: &SMatrix<f64, N, N>| matrix.try_inverse();
+        let near = SMatrix::from_diagonal(&within.map(|std| std.powi(-2)));
+        let settled = || {
+            let (own, before) = (inverse(&self.covariance)?, inverse(&prior.covariance)?);
+            let known = inverse(&(own - before + near))?;
+            Some(known * (own * self.mean - before * prior.mean + near * common))
+        };
+        settled().filter(|point| point.iter().all(|entry| entry.is_finite())).unwrap_or(*common)
+    }
+
     /// Updates the state with an equation; returns its log likelihood, up to a constant.
     fn learn(&mut self, equation: &Equation<N>, scatter: f64) -> f64 {
         let Equation { factors, value, noise, gain } = equation;

@@ -5,7 +5,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::change_points::{Explained, Jump, Stray, jumps, remove_strays};
 use super::past_rest::PastRest;
-use super::random_walk::{Equation, State, Visit, Walk, span};
+use super::random_walk::{Averaged, Equation, State, Visit, Walk, span};
 use crate::Stamp;
 use crate::engine;
 use crate::fit::{Calibration, Parameterisation, Term};
@@ -30,6 +30,8 @@ pub(super) struct Course<const N: usize> {
     pub(super) drifts: bool,
     /// Whether a walk is modelled: not within an hour, nor with only two visits or too few equations.
     pub(super) is_followed: bool,
+    /// Variance that each parameter walks in a second.
+    pub(super) speed: SVector<f64, N>,
 }
 
 /// Groups the rests into visits, by their indices.
@@ -47,10 +49,18 @@ pub(super) fn visits(rests: &[&PastRest]) -> Vec<Vec<usize>> {
     visits
 }
 
-/// Course of the primary accelerometer, from the length of its readings.
-pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: &engine::Config) -> Course<UNKNOWNS> {
+/// Course of the primary accelerometer, from the length of its readings. `hints` are the first visits behind jumps of the
+/// gyroscope.
+pub(super) fn accelerometer(
+    rests: &[&PastRest],
+    visits: &[Vec<usize>],
+    config: &engine::Config,
+    hints: &[usize],
+) -> Course<UNKNOWNS> {
     /// Rounds of linearising the equations.
     const ROUNDS: usize = 4;
+    /// How far from the sensor's usual parameters a point may well be: bias (m/s²), scale, and lean of an axis (rad).
+    const NEAR: [f64; 3] = [0.2, 0.02, 0.01];
     let gravity = engine::gravity(config).value;
     let times = times(rests, visits);
     let walk = of_accelerometer(config, gravity).within(times.last().copied().unwrap_or_default());
@@ -65,18 +75,22 @@ pub(super) fn accelerometer(rests: &[&PastRest], visits: &[Vec<usize>], config: 
         };
         visits.iter().zip(&times).zip(at).map(visit).collect()
     };
-    let mut at = vec![walk.start; visits.len()];
+    // Behind a jump the equations may determine little. Where they do not, all visits are linearised at one point: what is
+    // lost by that is the same before and behind the jump.
+    let within = of_each_kind(NEAR);
     let (mut found, mut strays) = (Vec::new(), Vec::new());
-    let mut equations = linearised(&at);
+    let mut equations = linearised(&vec![walk.start; visits.len()]);
     for round in 0..ROUNDS {
         let resets: Vec<_> = found.iter().map(|jump: &Jump<UNKNOWNS>| jump.at).collect();
-        let (states, _) = walk.average(&equations, &resets);
-        at = states.iter().map(|state| state.mean).collect();
+        let pooled = walk.average(&equations, &[]).states;
+        let common = pooled.iter().map(|state| state.mean).sum::<SVector<f64, UNKNOWNS>>() / pooled.len().max(1) as f64;
+        let states = if resets.is_empty() { pooled } else { walk.average(&equations, &resets).states };
+        let at: Vec<_> = states.iter().map(|state| state.settled(&common, &within, &walk.unknown())).collect();
         equations = linearised(&at);
         // The first rounds only approximate.
         if round + 2 >= ROUNDS {
             strays = remove_strays(&walk, &mut equations);
-            found = jumps(&walk, &equations);
+            found = jumps(&walk, &equations, hints);
             found.retain(|jump| !strays.iter().any(|explained: &Explained| explained.holds(jump)));
         }
     }
@@ -102,7 +116,7 @@ pub(super) fn gyroscope(rests: &[&PastRest], visits: &[Vec<usize>], config: &eng
         Visit { time, equations: equations.collect() }
     };
     let equations: Vec<_> = visits.iter().zip(times).map(visit).collect();
-    course(&walk, &equations, jumps(&walk, &equations))
+    course(&walk, &equations, jumps(&walk, &equations, &[]))
 }
 
 /// Bias and sensitivity of a state.
@@ -123,9 +137,10 @@ impl<const N: usize> Walk<N> {
 
 fn course<const N: usize>(walk: &Walk<N>, equations: &[Visit<N>], jumps: Vec<Jump<N>>) -> Course<N> {
     let resets: Vec<_> = jumps.iter().map(|jump| jump.at).collect();
-    let (states, ratio) = walk.average(equations, &resets);
+    let Averaged { states, ratio, speed } = walk.average(equations, &resets);
     let is_followed = walks(equations);
-    Course { states, jumps, strays: Vec::new(), drifts: is_followed && ratio > DRIFTS, is_followed }
+    let speed = walk.pace.map(|pace| pace * pace * speed);
+    Course { states, jumps, strays: Vec::new(), drifts: is_followed && ratio > DRIFTS, is_followed, speed }
 }
 
 /// Whether the visits lie far enough apart for a walk, with enough equations to estimate it.
@@ -140,23 +155,25 @@ fn of_accelerometer(config: &engine::Config, gravity: f64) -> Walk<UNKNOWNS> {
     const PRIOR: [f64; 3] = [2.0, 0.1, 0.015];
     /// Pace of the scale relative to the bias, in units of gravity.
     const SCALE: f64 = 0.3;
-    let (mut prior, mut pace) = (SVector::zeros(), SVector::zeros());
-    for (i, term) in Parameterisation::TRIANGULAR.terms().iter().enumerate() {
-        (prior[i], pace[i]) = match term {
-            Term::Bias(_) => (PRIOR[0], 1.0),
-            Term::Own(row, column) if row == column => (PRIOR[1], SCALE / gravity),
-            _ => (PRIOR[2], 0.0),
-        };
-    }
     let start = Parameterisation::TRIANGULAR.vector(&Calibration::default());
     Walk {
         start: SVector::from_iterator(start.iter().copied()),
-        prior,
-        pace,
+        prior: of_each_kind(PRIOR),
+        pace: of_each_kind([1.0, SCALE / gravity, 0.0]),
         scatters: ratios(0.05, 3.0).map(|share| share * config.fit.placement_std).collect(),
         distances: distances(0.002, 0.8),
         usual: 0.05,
     }
+}
+
+/// One number for each bias, scale, and lean of an axis.
+fn of_each_kind([bias, scale, lean]: [f64; 3]) -> SVector<f64, UNKNOWNS> {
+    let terms = Parameterisation::TRIANGULAR.terms().iter().map(|term| match term {
+        Term::Bias(_) => bias,
+        Term::Own(row, column) if row == column => scale,
+        _ => lean,
+    });
+    SVector::from_iterator(terms)
 }
 
 /// Model of the walk of a gyroscope's bias, rad/s.

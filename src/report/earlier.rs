@@ -31,15 +31,16 @@ impl<'a> Earlier<'a> {
     }
 
     /// Its IMU of this name, or else the only one on this topic. Only where both sides have a single IMU, names do not
-    /// matter.
+    /// matter. Several merged sensors may share a name, and none of them says which this one is.
     ///
     /// # Errors
     ///
     /// If none is this one, or none says so: the reason, and what to do.
     pub fn of(&self, name: &str, topic: &str) -> Result<Counterpart<'a>, String> {
         let as_it_is = |findings| Counterpart { findings, note: None };
-        if let Some(named) = self.imus.iter().find(|then| then.name == name) {
-            return Ok(as_it_is(named));
+        let mut alike = self.imus.iter().filter(|then| then.name == name || then.key.as_deref() == Some(name));
+        if let Some(named) = alike.next() {
+            return if alike.next().is_none() { Ok(as_it_is(named)) } else { Err(self.namesakes(name)) };
         }
         // Several on one topic have frames of their own, which are in their names.
         let is_alone = self.recorded.iter().filter(|(_, recorded)| *recorded == topic).count() <= 1;
@@ -61,6 +62,23 @@ impl<'a> Earlier<'a> {
                 Err(format!("the earlier calibration holds {} IMUs{named}, none is called {name}", several.len()))
             }
         }
+    }
+}
+
+impl Earlier<'_> {
+    /// Refusal where several sensors go by one name.
+    fn namesakes(&self, name: &str) -> String {
+        /// Most that are named.
+        const NAMED: usize = 8;
+        let alike: Vec<_> = self.imus.iter().filter(|then| then.name == name).collect();
+        let keys: Vec<_> = alike.iter().filter_map(|then| then.key.as_deref()).take(NAMED).collect();
+        let more = if alike.len() > keys.len() { ", …" } else { "" };
+        format!(
+            "the earlier calibration holds {} sensors called {name} ({}{more}), and the recording does not say which of them it is \
+             of: stillpoint merge --imu KEY --format json writes one alone",
+            alike.len(),
+            keys.join(", ")
+        )
     }
 }
 
@@ -107,6 +125,13 @@ mod tests {
         ] {
             assert!(of(earlier, recorded, now).unwrap_err().contains(says), "{says}");
         }
+        // Several sensors in turn on one topic.
+        let fleet: Vec<_> =
+            ["s1", "s2"].map(|key| Findings { key: Some(key.to_owned()), ..Findings::new("/a", "/a") }).into();
+        let recorded = imus(&[a]);
+        let found = Earlier::new(&fleet, &recorded).of("/a", "/a").map(|found| found.findings.key.clone());
+        let said = found.unwrap_err();
+        assert!(said.contains("2 sensors called /a (s1, s2)") && said.contains("merge --imu KEY"), "{said}");
         // The only ones are told of each other.
         for earlier in [[a], [("", "")]] {
             assert!(of(&earlier, &[c], c).unwrap().1, "{earlier:?}");

@@ -15,6 +15,8 @@ use super::{NearMiss, NearMisses, Weight, calibration, vector, weight};
 pub struct Findings {
     /// Prefix of its annotation topics.
     pub name: String,
+    /// Key of the sensor among others of this name, if it was merged from several recordings.
+    pub key: Option<String>,
     /// Topic of its accelerometer.
     pub topic: String,
     /// Type of the messages on it; empty if unknown, for example beside a sidecar.

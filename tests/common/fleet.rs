@@ -190,11 +190,23 @@ impl Truth {
     pub fn recording_of(&self, rng: &mut impl Rng, at: i64, faces: usize, population: &Population) -> Findings {
         let mut all: Vec<_> = (0..6).map(|k| (k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })).collect();
         all.shuffle(rng);
+        all.truncate(faces);
+        self.recording_on(rng, at, &all, population)
+    }
+
+    /// Recording on these faces, by axis and sign.
+    pub fn recording_on(
+        &self,
+        rng: &mut impl Rng,
+        at: i64,
+        faces: &[(usize, f64)],
+        population: &Population,
+    ) -> Findings {
         let shared = population.scatter * population.common.sqrt();
         let common = [normal(rng) * (SCATTER * shared), normal(rng) * (RATE_SCATTER * shared)];
         let mut findings = Findings::new("/imu", "/imu");
-        for (i, face) in all.into_iter().take(faces).enumerate() {
-            let rest = self.rest(rng, (at, i as u32 + 1), face, population, &common);
+        for (i, face) in faces.iter().enumerate() {
+            let rest = self.rest(rng, (at, i as u32 + 1), *face, population, &common);
             let start = rest.start.unwrap();
             findings.rests.insert(start.seconds * 1_000_000_000 + i64::from(start.nanos), rest);
         }

@@ -1,11 +1,12 @@
 //! Rests of many recordings as one calibration: order and grouping change nothing, and a fleet of simulated sensors, none of
 //! whose recordings suffices, is calibrated with honest intervals and its shocks are found.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use rand::seq::SliceRandom as _;
 use rand::{Rng, SeedableRng as _};
 use stillpoint::merge::{ChangeKind, MOST_RESTS, Merge, Merged};
+use stillpoint::messages::triad::Status;
 use stillpoint::messages::{self, Segment};
 use stillpoint::report::Findings;
 
@@ -178,6 +179,55 @@ fn a_fleet_whose_recordings_show_one_to_three_faces_is_calibrated() {
     let found = outcomes.iter().filter(|outcome| outcome.is_found()).count();
     let false_alarms: usize = outcomes.iter().map(Outcome::false_alarms).sum();
     assert!(found as u64 * 20 >= SENSORS / 2 * 19 && false_alarms <= 3, "{found} found, {false_alarms} false");
+}
+
+#[test]
+fn a_sensor_that_lies_another_way_from_one_day_on_was_remounted_and_is_the_same() {
+    let mut rng = randomness();
+    let truth = Truth::new(&mut rng);
+    let day = |day: i64| truth.recording_on(&mut rng, day * DAY, &[if day < 8 { (2, 1.0) } else { (0, 1.0) }], &USUAL);
+    let all: Vec<_> = (0..16).map(day).collect();
+    let merged = only(&joined(&all));
+    let [change] = merged.history.changes.as_slice() else { panic!("{:#?}", merged.history.changes) };
+    assert_eq!((change.kind, change.before.nanos() / DAY), (ChangeKind::Remounted, 8));
+    assert!((change.turned.unwrap() - std::f64::consts::FRAC_PI_2).abs() < 0.1, "{change:?}");
+    let said = merged.history.course().jumps.remove(0).what;
+    assert!(said.contains("remounted") && said.contains('°'), "{said}");
+    // In hands it lies any way.
+    let all: Vec<_> = (0..16).map(|day| truth.recording(&mut rng, day * DAY, 1)).collect();
+    let changes = only(&joined(&all)).history.changes;
+    assert!(changes.iter().all(|change| change.kind != ChangeKind::Remounted), "{changes:#?}");
+}
+
+#[test]
+fn what_is_known_in_part_of_a_sensor_that_drifts_is_that_of_the_end() {
+    const SENSORS: usize = 40;
+    let mut rng = randomness();
+    for faces in [&[(2, 1.0)][..], &[(2, 1.0), (2, -1.0), (0, 1.0)]] {
+        let (mut inside, mut all, mut changes) = (0, 0, 0);
+        for _ in 0..SENSORS {
+            let mut truth = Truth::new(&mut rng);
+            let mut merge = Merge::default();
+            for day in 0..30 {
+                truth.drift(&mut rng, &USUAL);
+                merge.join(Merge::of("/imu", &truth.recording_on(&mut rng, day * DAY, faces, &USUAL)));
+            }
+            let merged = only(&merge);
+            changes += merged.history.changes.len();
+            let accelerometer = merged.findings.calibration.unwrap().accelerometer.unwrap();
+            assert_eq!(accelerometer.status(), Status::Undetermined);
+            for known in &accelerometer.combinations {
+                let parameters: Vec<f64> =
+                    truth.bias.iter().chain(&Matrix3::from_diagonal(&truth.scale)).copied().collect();
+                let value: f64 = known.coefficients.iter().zip(&parameters).map(|(a, b)| a * b).sum();
+                inside += usize::from((value - known.value).abs() <= 1.96 * known.std);
+                all += 1;
+            }
+        }
+        // By chance of forty sensors; of those that are constant as many hold.
+        assert!(all >= SENSORS && inside * 100 >= all * 85, "{faces:?}: {inside} of {all}");
+        assert!(changes <= 2, "{faces:?}: {changes} changes, none of which happened");
+    }
 }
 
 #[test]

@@ -68,14 +68,42 @@ fn found_beside(hand: &Hand, day: i64, rotations: Vec<RotationConfig>, heading_s
 
 /// Sessions of a few turns each, a day apart; the gyroscope's bias is another every day.
 fn days(seed: u64, count: i64, turns: usize, walk: f64) -> Vec<Findings> {
+    walking(seed, count, turns, [0.0, walk]).1
+}
+
+/// The same of a sensor whose biases walk, of both triads, and its accelerometer's bias on the last day.
+fn walking(seed: u64, count: i64, turns: usize, [accel_walk, gyro_walk]: [f64; 2]) -> (Vector3<f64>, Vec<Findings>) {
     let mut held = held();
+    let mut last = held.accel_bias;
     let session = |day: i64| {
+        last = held.accel_bias;
         let hand = Hand::new(held.clone(), seed.wrapping_add(day as u64)).rest(3.0).through_faces(turns);
-        let step = Hand::new(Held::default(), seed.wrapping_sub(day as u64)).normal();
-        held.gyro_bias += step * walk;
+        let mut random = Hand::new(Held::default(), seed.wrapping_sub(day as u64));
+        held.gyro_bias += random.normal() * gyro_walk;
+        held.accel_bias += random.normal() * accel_walk;
         found(&hand, day)
     };
-    (0..count).map(session).collect()
+    let all = (0..count).map(session).collect();
+    (last, all)
+}
+
+#[test]
+fn turns_do_not_make_the_bias_of_a_walking_accelerometer_surer_than_it_is() {
+    const SENSORS: u64 = 12;
+    let seed = randomness().random_range(0..1 << 40);
+    let mut scores = Vec::new();
+    for sensor in 0..SENSORS {
+        let (truth, all) = walking(seed + 1000 * sensor, 16, 3, [0.006, 2e-4]);
+        let merged = only(&joined(&all));
+        assert!(merged.history.turns >= 30, "{}", merged.history.turns);
+        let calibration = merged.findings.calibration.unwrap();
+        let accelerometer = calibration.accelerometer.unwrap();
+        let (Some(bias), Some(std)) = (accelerometer.bias, accelerometer.bias_std) else { continue };
+        scores.extend([(bias.x - truth.x) / std.x, (bias.y - truth.y) / std.y, (bias.z - truth.z) / std.z]);
+    }
+    let inside = scores.iter().filter(|score| score.abs() <= 1.96).count();
+    let worst = scores.iter().fold(0.0_f64, |most, score| most.max(score.abs()));
+    assert!(scores.len() >= 24 && inside * 100 >= scores.len() * 80 && worst < 5.0, "seed {seed}: {scores:?}");
 }
 
 fn triads(findings: &Findings) -> [&Triad; 2] {

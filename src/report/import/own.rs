@@ -31,7 +31,8 @@ pub(super) fn own(imu: &Value) -> Result<Findings, ImportError> {
         temperature_max: range.as_ref().map(|range| range[1]),
         ..Calibration::default()
     };
-    Ok(Findings { calibration: Some(calibration), ..Findings::new(name, topic) })
+    let key = imu.get("key").and_then(Value::as_str).map(str::to_owned);
+    Ok(Findings { calibration: Some(calibration), key, ..Findings::new(name, topic) })
 }
 
 fn own_triad(value: &Value, sensor: &str) -> Result<Triad, ImportError> {
