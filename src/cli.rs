@@ -94,7 +94,8 @@ pub struct Annotate {
     /// put into stores]
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir", value_parser = on_disk())]
     pub output: Option<PathBuf>,
-    /// Folder, or prefix of a store, to write into, under the default names; a folder is made if it is not there
+    /// Folder, or prefix of a store, to write into, under the default names; a folder is made if it is not there. Folders below
+    /// a prefix among the inputs are kept, and those that tell apart other inputs of one name
     #[arg(long, value_name = "DIR")]
     pub out_dir: Option<PathBuf>,
     /// Write the annotations into the recording itself; after a run that is killed meanwhile, the next, or repair, puts back what was there

@@ -12,6 +12,7 @@ mod listing;
 mod live;
 mod manifest;
 mod merge;
+mod outputs;
 mod printing;
 mod progress;
 mod repair;

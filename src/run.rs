@@ -23,7 +23,7 @@ pub use limits::{allow_many_files, outlive_file_size_limit};
 #[cfg(feature = "live")]
 pub use live::{Live, Session, Viewers};
 pub use output::{Access, Partial, Reads, Written, default_output, take_back};
-pub use prefix::{is_sidecar_name, recordings_under, results_under};
+pub use prefix::{folders_below, is_sidecar_name, recordings_under, results_under, under};
 pub use stop::Stop;
 pub use store::{is_prefix, is_url, put_text};
 pub use tail::{Following, Tailed, sidecar_of, tail};

@@ -1,12 +1,12 @@
 //! `stillpoint annotate`: each recording is finished or refused on its own.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
 use stillpoint::config::Config;
 use stillpoint::report::{self, Earlier, Findings};
-use stillpoint::run::{self, Access, EarlierResult, Form, Input, Made, Options, Reads, Report, Stop, Written};
+use stillpoint::run::{self, Access, EarlierResult, Form, Input, Options, Reads, Report, Stop, Written};
 use stillpoint::{Error, imu::ChannelRole};
 use tracing::{info, warn};
 
@@ -14,6 +14,7 @@ use super::code::Code;
 use super::configuration::configuration;
 use super::files::{make_folder, reads};
 use super::manifest::Manifest;
+use super::outputs::{self, Output};
 use super::printing::{name, print_json};
 use super::progress::Progress;
 use super::shard::Shard;
@@ -27,11 +28,11 @@ pub fn run(args: &cli::Annotate, json: bool, stop: &Stop) -> Result<Code, Error>
     let earlier = import::against(&args.against)?;
     let is_listed = args.inputs_from.is_some() || args.inputs.iter().any(|input| run::is_prefix(input));
     let is_list = is_listed || args.shard.is_some() || args.manifest.is_some();
-    let listed = listing::inputs(&args.inputs, args.inputs_from.as_deref(), run::recordings_under)?;
-    let args = &cli::Annotate { inputs: listed, ..args.clone() };
+    let named = listing::named(&args.inputs, args.inputs_from.as_deref(), run::recordings_under)?;
     let shard = Shard::choose(args.shard.as_deref(), is_listed)?;
-    let inputs = inputs(args);
-    let works = works(args, &inputs)?;
+    let recordings = outputs::recordings(args, named)?;
+    let inputs: Vec<_> = recordings.iter().map(|named| named.path.clone()).collect();
+    let works = works(args, &inputs, outputs::outputs(args, &recordings, is_list)?);
     refuse_itself(args, &inputs, &works).map_err(Error::of_annotating)?;
     let mut manifest = Manifest::open(args.manifest.as_deref(), &read(args, &inputs))?;
     let (mut gravest, mut passing) = (Code::Done, false);
@@ -91,6 +92,8 @@ struct Work<'a> {
     /// One file, or the files that are one recording.
     inputs: &'a [PathBuf],
     outputs: Vec<PathBuf>,
+    /// Reason why nothing may be written there.
+    refusal: Option<String>,
 }
 
 /// Finished work.
@@ -100,51 +103,16 @@ enum Done {
     Before(EarlierResult),
 }
 
-/// The recordings among the inputs, without results of an earlier run on one of them, as when all files of a folder are
-/// named a second time.
-fn inputs(args: &cli::Annotate) -> Vec<PathBuf> {
-    if args.inputs.len() < 2 {
-        return args.inputs.clone();
-    }
-    let folder = args.out_dir.as_deref();
-    let results: BTreeSet<_> = args
-        .inputs
-        .iter()
-        .flat_map(|input| {
-            let is_folder = input.is_dir();
-            [None, folder]
-                .map(|folder| run::default_output(input, is_folder, folder, false))
-                .into_iter()
-                .filter(move |output| output != input)
-        })
-        .collect();
-    let is_result = |input: &&PathBuf| match (!run::is_url(input)).then(|| run::made(input)).flatten() {
-        // To look into each object would be a request.
-        _ if run::is_url(input) => run::is_sidecar_name(input) || results.contains(*input),
-        Some(Made::Sidecar) => true,
-        Some(Made::Annotated) => results.contains(*input),
-        None => false,
-    };
-    let (made, recordings): (Vec<_>, Vec<_>) = args.inputs.iter().partition(is_result);
-    if recordings.is_empty() {
-        return args.inputs.clone();
-    }
-    if let Some(first) = made.first() {
-        let more = if made.len() > 1 { format!(" and {} more", made.len() - 1) } else { String::new() };
-        info!("left out, as results of Stillpoint: {}{more}", first.display());
-    }
-    recordings.into_iter().cloned().collect()
-}
-
 /// The work to do, recording by recording.
-fn works<'a>(args: &cli::Annotate, inputs: &'a [PathBuf]) -> Result<Vec<Work<'a>>, Error> {
-    let outputs = outputs(args, inputs)?;
+fn works<'a>(args: &cli::Annotate, inputs: &'a [PathBuf], outputs: Vec<Output>) -> Vec<Work<'a>> {
     if args.join {
-        let outputs = if args.sidecar { outputs.into_iter().take(1).collect() } else { outputs };
-        return Ok(vec![Work { inputs, outputs }]);
+        let most = if args.sidecar { 1 } else { outputs.len() };
+        let refusal = outputs.iter().find_map(|output| output.refusal.clone());
+        let outputs = outputs.into_iter().take(most).map(|output| output.path).collect();
+        return vec![Work { inputs, outputs, refusal }];
     }
-    let inputs = inputs.chunks(1);
-    Ok(inputs.zip(outputs).map(|(inputs, output)| Work { inputs, outputs: vec![output] }).collect())
+    let each = inputs.chunks(1).zip(outputs);
+    each.map(|(inputs, Output { path, refusal })| Work { inputs, outputs: vec![path], refusal }).collect()
 }
 
 /// Refuses outputs that are also read. An existing output that is not replaced is only compared.
@@ -161,74 +129,11 @@ fn read(args: &cli::Annotate, inputs: &[PathBuf]) -> Reads {
     reads(inputs, &[&args.configuration.config, &args.against.against, &args.inputs_from])
 }
 
-/// Paths of the results, one for each input.
-fn outputs(args: &cli::Annotate, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
-    if args.in_place {
-        return match inputs.iter().find(|input| run::is_url(input)) {
-            None => Ok(inputs.to_owned()),
-            Some(object) => {
-                let why = "an object cannot be changed in place; without --in-place a sidecar is put beside it";
-                Err(Error::Usage(format!("{}: {why}", object.display())))
-            }
-        };
-    }
-    let mut seen = BTreeMap::new();
-    for input in inputs {
-        if let Some(other) = seen.insert(whole(input, args.join), input) {
-            let spelled = if other == input { String::new() } else { format!(" (and as {})", input.display()) };
-            let why = format!("{}: is named twice{spelled}; name each recording once", other.display());
-            return Err(Error::Usage(why));
-        }
-    }
-    if let Some(output) = &args.output {
-        return match inputs {
-            [_] => Ok(vec![output.clone()]),
-            _ if args.join && args.sidecar => Ok(vec![output.clone()]),
-            _ if args.join => {
-                let output = output.display();
-                Err(Error::Usage(format!(
-                    "-o {output}: each of the joined files keeps a file of its own; --out-dir {output} names a folder for \
-                     them, or --sidecar -o {output} one file for all annotations"
-                )))
-            }
-            _ => Err(Error::Usage("-o names one output; use --out-dir for several inputs".to_owned())),
-        };
-    }
-    let mut taken = BTreeMap::new();
-    let mut outputs = Vec::new();
-    for input in inputs {
-        let output = run::default_output(input, input.is_dir(), args.out_dir.as_deref(), is_sidecar(args, input));
-        if let Some(other) = taken.insert(output.clone(), input).filter(|_| !(args.join && args.sidecar)) {
-            let (other, input, output) = (other.display(), input.display(), output.display());
-            return Err(Error::Usage(format!("{other} and {input} would both be written to {output}")));
-        }
-        outputs.push(output);
-    }
-    Ok(outputs)
-}
-
-/// Path of an input, however it is spelled. A link is an input of its own, unless it would be joined with what it leads to.
-fn whole(input: &Path, joined: bool) -> PathBuf {
-    let folder = input.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let whole = match input.file_name().filter(|_| !joined) {
-        _ if run::is_url(input) => None,
-        Some(name) => folder.canonicalize().ok().map(|folder| folder.join(name)),
-        None => input.canonicalize().ok(),
-    };
-    whole.unwrap_or_else(|| input.to_owned())
-}
-
-/// Whether the annotations of an input are written alone: in a store unless an output is named, since it would have to
-/// hold the recording a second time.
-fn is_sidecar(args: &cli::Annotate, input: &Path) -> bool {
-    match &args.output {
-        Some(output) => args.sidecar || run::is_url(output) && run::is_sidecar_name(output),
-        None => args.sidecar || run::is_url(input) || args.out_dir.as_deref().is_some_and(run::is_url),
-    }
-}
-
 impl Work<'_> {
     fn run(&self, args: &cli::Annotate, config: &Config, stop: &Stop) -> Result<Done, Error> {
+        if let Some(why) = &self.refusal {
+            return Err(Error::input(self.input(), why));
+        }
         if !args.force
             && let [output] = self.outputs.as_slice()
             && let Some(finished) = run::finished(self.input(), output, config)?
@@ -249,11 +154,11 @@ impl Work<'_> {
                 input
             }
         };
-        if let Some(folder) = args.out_dir.as_ref().filter(|folder| !run::is_url(folder)) {
-            make_folder(folder)?;
+        if args.out_dir.as_ref().is_some_and(|folder| !run::is_url(folder)) {
+            outputs.iter().filter_map(|output| output.parent()).try_for_each(make_folder)?;
         }
         let progress = Progress::new(&input, stop);
-        let form = match (args.in_place, is_sidecar(args, self.input())) {
+        let form = match (args.in_place, outputs::is_sidecar(args, self.input())) {
             (true, _) => Form::InPlace,
             (_, true) => Form::Sidecar,
             _ => Form::Annotated,

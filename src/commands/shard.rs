@@ -11,11 +11,12 @@ pub struct Shard {
     count: usize,
 }
 
-/// Environment variables of array jobs: index of the task, number of tasks, and the first index.
-const ARRAYS: [(&str, Option<&str>, Option<&str>); 3] = [
-    ("JOB_COMPLETION_INDEX", Some("JOB_COMPLETION_COUNT"), None),
-    ("AWS_BATCH_JOB_ARRAY_INDEX", Some("AWS_BATCH_JOB_ARRAY_SIZE"), None),
-    ("SLURM_ARRAY_TASK_ID", Some("SLURM_ARRAY_TASK_COUNT"), Some("SLURM_ARRAY_TASK_MIN")),
+/// Environment variables of array jobs: index of the task, number of tasks, the first index, and the step from one index to
+/// the next.
+const ARRAYS: [(&str, &str, Option<[&str; 2]>); 3] = [
+    ("JOB_COMPLETION_INDEX", "JOB_COMPLETION_COUNT", None),
+    ("AWS_BATCH_JOB_ARRAY_INDEX", "AWS_BATCH_JOB_ARRAY_SIZE", None),
+    ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", Some(["SLURM_ARRAY_TASK_MIN", "SLURM_ARRAY_TASK_STEP"])),
 ];
 
 impl Shard {
@@ -48,7 +49,7 @@ impl Shard {
             auto => {
                 let said = auto.and_then(|auto| auto.strip_prefix("auto/"));
                 let array = ARRAYS.into_iter().find_map(|array| Some((array, variable(array.0)?)));
-                let Some(((name, count_name, first), index)) = array else {
+                let Some(((name, count_name, steps), index)) = array else {
                     return match auto {
                         None => Ok(Self { index: 0, count: 1 }),
                         Some(_) => {
@@ -56,7 +57,7 @@ impl Shard {
                         }
                     };
                 };
-                let count = said.map(str::to_owned).or_else(|| variable(count_name?));
+                let count = said.map(str::to_owned).or_else(|| variable(count_name));
                 let Some(count) = count else {
                     return match auto {
                         None => Ok(Self { index: 0, count: 1 }),
@@ -65,9 +66,12 @@ impl Shard {
                         }
                     };
                 };
-                let first = first.and_then(variable).map_or(Some(0), |first| number(&first));
+                let [first, step] = steps.map_or([None, None], |names| names.map(&variable));
+                let first = first.map_or(Some(0), |first| number(&first));
+                let step = step.map_or(Some(1), |step| number(&step));
                 let index = number(&index).zip(first).and_then(|(index, first)| index.checked_sub(first));
-                let Some(parts) = index.zip(number(&count)) else {
+                let place = index.zip(step).filter(|(index, step)| index.checked_rem(*step) == Some(0));
+                let Some(parts) = place.map(|(index, step)| index / step).zip(number(&count)) else {
                     return wrong(format!("{name} and the number of parts ({count}) are no two numbers"));
                 };
                 parts
@@ -99,6 +103,13 @@ mod tests {
         let aws = [("AWS_BATCH_JOB_ARRAY_INDEX", "1"), ("AWS_BATCH_JOB_ARRAY_SIZE", "9")];
         assert_eq!(of(Some("2/7"), true, &slurm), Some((2, 7)), "what is typed wins");
         assert_eq!(of(None, true, &slurm), Some((3, 4)));
+        let in_steps = [
+            ("SLURM_ARRAY_TASK_ID", "3"),
+            ("SLURM_ARRAY_TASK_COUNT", "2"),
+            ("SLURM_ARRAY_TASK_MIN", "1"),
+            ("SLURM_ARRAY_TASK_STEP", "2"),
+        ];
+        assert_eq!(of(None, true, &in_steps), Some((1, 2)));
         assert_eq!(of(None, false, &slurm), Some((0, 1)), "files that are named are all meant");
         assert_eq!(of(Some("auto"), false, &aws), Some((1, 9)));
         assert_eq!(of(Some("auto/5"), true, &kubernetes), Some((3, 5)));

@@ -71,7 +71,8 @@ pub(super) fn coverage(
                 name: face.name.clone(),
                 normal: Some(vector(&face.normal)),
                 placements: placements.len() as u32,
-                seconds: on_face.map(|entry| entry.seconds).sum(),
+                // A sum of nothing would be -0.
+                seconds: on_face.fold(0.0, |seconds, entry| seconds + entry.seconds),
             }
         })
         .collect();

@@ -53,22 +53,40 @@ fn some(prefix: &Path, found: Vec<PathBuf>, why: &str) -> Result<Vec<PathBuf>, E
     if found.is_empty() { Err(Error::input(prefix, why)) } else { Ok(found) }
 }
 
-/// Recordings under a prefix, and for each whether its sidecar lies beside it or in the same place under another prefix.
-pub(super) fn with_sidecars(prefix: &Path, out: Option<&Path>) -> Result<Vec<(Listed, PathBuf, bool)>, Error> {
-    let mut found = list(prefix)?;
+/// Folders between a prefix and an object under it.
+pub fn folders_below(prefix: &Path, object: &Path) -> PathBuf {
+    let below = object.strip_prefix(prefix).ok().and_then(Path::parent);
+    below.map(Path::to_owned).unwrap_or_default()
+}
+
+/// A recording under a prefix, and its sidecar: beside it, or in the same place under another prefix.
+pub(super) struct WithSidecar {
+    pub(super) recording: Listed,
+    pub(super) sidecar: PathBuf,
+    /// The sidecar as it is listed, if it is there.
+    pub(super) there: Option<Listed>,
+}
+
+/// Recordings under a prefix, with their sidecars.
+pub(super) fn with_sidecars(prefix: &Path, out: Option<&Path>) -> Result<Vec<WithSidecar>, Error> {
+    let (mut results, recordings): (Vec<_>, Vec<_>) =
+        list(prefix)?.into_iter().partition(|object| is_result(&object.path));
     if let Some(out) = out.filter(|out| !out.starts_with(prefix)) {
-        found.extend(list(out)?);
+        results.extend(list(out)?.into_iter().filter(|object| is_result(&object.path)));
     }
-    let names: std::collections::BTreeSet<_> = found.iter().map(|object| object.path.clone()).collect();
-    let recordings = found.into_iter().filter(|object| object.path.starts_with(prefix) && !is_result(&object.path));
-    let with = recordings.map(|object| {
-        let folder = out.map(|out| {
-            let under = object.path.strip_prefix(prefix).ok().and_then(Path::parent);
-            under.filter(|under| !under.as_os_str().is_empty()).map_or_else(|| out.to_owned(), |under| out.join(under))
-        });
-        let sidecar = default_output(&object.path, false, folder.as_deref(), true);
-        let is_there = names.contains(&sidecar);
-        (object, sidecar, is_there)
+    let results: BTreeMap<_, _> = results.into_iter().map(|object| (object.path.clone(), object)).collect();
+    let recordings = recordings.into_iter().filter(|object| object.path.starts_with(prefix));
+    let with = recordings.map(|recording| {
+        let folder = out.map(|out| under(out, &folders_below(prefix, &recording.path)));
+        let sidecar = default_output(&recording.path, false, folder.as_deref(), true);
+        let there = results.get(&sidecar).cloned();
+        WithSidecar { recording, sidecar, there }
     });
     Ok(with.collect())
+}
+
+/// A folder below another one, which may be a prefix.
+pub fn under(folder: &Path, below: &Path) -> PathBuf {
+    // An empty name would be a slash more.
+    if below.as_os_str().is_empty() { folder.to_owned() } else { folder.join(below) }
 }

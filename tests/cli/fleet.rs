@@ -31,8 +31,9 @@ fn recordings_none_of_which_suffices_are_a_calibration_together() {
     let folder = faces();
     folder.say("annotate 0.mcap 1.mcap").ok();
     folder.say("annotate 2.mcap --sidecar").ok();
-    let alone = folder.say("export 0.annotated.mcap --format json").ok().json();
-    assert_eq!(alone["imus"][0]["accelerometer"]["status"], "UNDETERMINED");
+    let alone = folder.say("export 0.annotated.mcap --format json").ok();
+    assert!(alone.stdout.contains("\"seconds\": 0.0") && !alone.stdout.contains("\"seconds\": -"), "{}", alone.stdout);
+    assert_eq!(alone.json()["imus"][0]["accelerometer"]["status"], "UNDETERMINED");
     let merged = folder.say("merge 0.annotated.mcap 1.annotated.mcap 2.stillpoint.mcap --format json").ok();
     // Raw, in another order, and one of them twice.
     let raw = folder.say("merge 2.mcap 0.mcap 1.mcap 0.annotated.mcap --format json").ok();
@@ -169,4 +170,48 @@ fn parts_of_a_list_are_worked_on_once_each_and_the_same_part_twice_at_once_does_
     }
     crate::common::same_folders(&folder.path().join("whole"), &folder.path().join("parts"));
     folder.refuses("annotate 0.mcap --shard 2/2", 2, &["part 2 of 2", "the last one is 1"]);
+}
+
+#[test]
+fn recordings_of_one_name_in_a_list_are_told_apart_by_their_folders_and_one_named_twice_counts_once() {
+    let folder = faces();
+    for (at, name) in ["a/r.mcap", "b/r.mcap", "b/own.mcap"].into_iter().enumerate() {
+        std::fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+        folder.write(name, &folder.read(&format!("{at}.mcap")));
+    }
+    folder.write("list", b"a/r.mcap\nb/r.mcap\na/r.mcap\nb/own.mcap\n./b/r.mcap\n");
+    let annotate = "annotate --inputs-from list --out-dir out --manifest outcome.jsonl";
+    folder.say(annotate).ok();
+    let outputs = |lines: &[Value]| -> Vec<String> {
+        lines.iter().map(|line| line["output"].as_str().unwrap().to_owned()).collect()
+    };
+    let names = ["out/a/r.annotated.mcap", "out/b/r.annotated.mcap", "out/own.annotated.mcap"];
+    assert_eq!(outputs(&lines(&folder, "outcome.jsonl")), names);
+    folder.say("annotate a/r.mcap -o own.mcap -q").ok();
+    assert!(folder.read("out/a/r.annotated.mcap") == folder.read("own.mcap"));
+    folder.say(&format!("{annotate} --shard 1/2")).ok();
+    assert_eq!(outputs(&lines(&folder, "outcome.jsonl")), names[1..2], "the same part is the same recording");
+    // Results of an earlier run that are listed with the recordings are left out, wherever they lie.
+    let all =
+        "b/own.mcap\na/r.mcap\nout/a/r.annotated.mcap\nout/b/r.annotated.mcap\nout/own.annotated.mcap\nb/r.mcap\n";
+    folder.write("list", all.as_bytes());
+    folder.say(annotate).ok();
+    let [a, b, own] = names;
+    assert_eq!(outputs(&lines(&folder, "outcome.jsonl")), [own, a, b]);
+}
+
+#[test]
+fn recordings_of_a_list_that_nothing_tells_apart_are_refused_and_the_others_go_on() {
+    let folder = faces();
+    // It only has such a name.
+    folder.write("0.annotated.mcap", &folder.read("0.mcap"));
+    folder.write("list", b"0.mcap\n1.mcap\n0.annotated.mcap\n");
+    let run = folder.say("annotate --inputs-from list --out-dir out --manifest outcome.jsonl");
+    assert_eq!(run.code, 6, "{}", run.stderr);
+    let lines = lines(&folder, "outcome.jsonl");
+    let outcomes: Vec<_> = lines.iter().map(|line| line["outcome"].as_str().unwrap()).collect();
+    assert_eq!(outcomes, ["hopeless", "written", "hopeless"]);
+    let error = lines[0]["error"].as_str().unwrap();
+    assert!(error.contains("out/0.annotated.mcap, as 0.annotated.mcap would"), "{error}");
+    folder.refuses("annotate 0.mcap 0.annotated.mcap --out-dir out2", 2, &["would both be written to out2/0"]);
 }

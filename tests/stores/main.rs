@@ -5,6 +5,8 @@
 mod common;
 
 mod absent;
+mod bucket;
+mod prefixes;
 mod server;
 mod web;
 

@@ -1,5 +1,7 @@
 //! Recordings on a web server.
 
+use stillpoint::simulate::{Compression, Scenario};
+
 use crate::common::Folder;
 use crate::server::Server;
 
@@ -25,6 +27,36 @@ fn a_recording_on_a_web_server_gives_the_local_sidecar_whatever_happens_on_the_w
     assert!(folder.read("x.mcap") == folder.read("demo.annotated.mcap"));
     let length = recording.len() as u64;
     assert_eq!(server.ranges()[0], (length.saturating_sub(256 << 10), length - 1), "the end comes first");
+}
+
+#[test]
+fn chunks_that_lie_side_by_side_come_with_few_requests_none_of_which_asks_for_anything_twice() {
+    let mut scenario = Scenario::builtin("demo").unwrap();
+    scenario.accelerometer.rate_hz = 400.0;
+    scenario.gyroscope.iter_mut().for_each(|triad| triad.rate_hz = 400.0);
+    (scenario.recording.chunk_bytes, scenario.recording.compression) = (60_000, Compression::None);
+    let folder = Folder::with_scenario("fast.mcap", &scenario);
+    let recording = folder.read("fast.mcap");
+    folder.say("annotate fast.mcap --sidecar -q").ok();
+    assert!(recording.len() > 1_000_000, "{}", recording.len());
+    let server = Server::new(recording, |_| None);
+    folder.say(&format!("annotate {} --out-dir out -q", server.url)).ok();
+    assert!(folder.read("out/x.stillpoint.mcap") == folder.read("fast.stillpoint.mcap"));
+    let mut ranges = server.ranges();
+    // The end, the start with the first chunk, and all the others.
+    assert!(ranges.len() <= 3, "{ranges:?}");
+    ranges.sort_unstable();
+    assert!(ranges.windows(2).all(|pair| pair[0].1 < pair[1].0), "{ranges:?}");
+}
+
+#[test]
+fn a_query_is_refused_before_anything_is_asked_for() {
+    let (folder, recording, _) = demo();
+    let server = Server::new(recording, |_| None);
+    // The server has a file of the name of the result, too.
+    let run = folder.run(["annotate", &format!("{}?signature=1", server.url), "-q"]);
+    assert!(run.code == 2 && run.error().contains("presigned"), "{}", run.stderr);
+    assert!(server.ranges().is_empty());
 }
 
 #[test]

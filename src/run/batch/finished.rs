@@ -6,7 +6,7 @@ use super::settings::settings;
 use crate::Error;
 use crate::config::Config;
 use crate::run::input::recording::Recording;
-use crate::run::store::{ResultMark, is_url, known_identity, marked};
+use crate::run::store::{ResultMark, check, is_url, known_identity, marked};
 
 /// A result that a store has, of the same recording and configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,8 +21,12 @@ pub struct EarlierResult {
 ///
 /// # Errors
 ///
-/// If the store refuses, or the output is something else.
+/// If the store refuses, the output is something else, or the input is a URL that names no recording.
 pub fn finished(input: &Path, output: &Path, config: &Config) -> Result<Option<EarlierResult>, Error> {
+    if is_url(input) {
+        // One with a query is another recording than what its path alone names.
+        check(input)?;
+    }
     if !is_url(output) {
         return Ok(None);
     }

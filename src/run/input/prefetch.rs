@@ -102,12 +102,13 @@ impl<'a> Prefetch<'a> {
 
     /// Goes by what the summary of an object says. Requests what lies in front of the first chunk.
     pub(crate) fn know(&mut self, places: Arc<Places>) {
+        let start = 0..places.start_with_little();
         if let Some(object) = self.recording.source().object() {
-            let start = 0..places.start_with_little();
             object.announce(&start);
             object.fetch(&start);
         }
-        (self.chunks, self.spans) = (Chunks::known(Arc::clone(&places)), Some(Spans::new(places)));
+        // The first chunk may have come with it: a span that began there would not be requested as one.
+        (self.chunks, self.spans) = (Chunks::known(Arc::clone(&places)), Some(Spans::new(places, start.end)));
     }
 
     /// Supplies the chunk at `offset`, up to which the recording was scanned. `is_useless` tells whether chunks with

@@ -35,12 +35,14 @@ pub(super) struct Spans {
     span: Range<u64>,
     /// Bytes of gaps in the span.
     gaps: u64,
+    /// Offset up to which everything was requested otherwise.
+    requested: u64,
 }
 
 impl Spans {
-    /// Nothing is requested yet.
-    pub(super) fn new(places: Arc<Places>) -> Self {
-        Self { places, met: BTreeSet::new(), span: 0..0, gaps: 0 }
+    /// No span is requested yet, but everything up to an offset.
+    pub(super) fn new(places: Arc<Places>, requested: u64) -> Self {
+        Self { places, met: BTreeSet::new(), span: 0..0, gaps: 0, requested }
     }
 
     /// Whether a chunk is needed. `is_useless` tells it of channels that were scanned.
@@ -68,7 +70,7 @@ impl Spans {
 
     /// Adds the chunk at an offset, with its message indexes, to the span. Returns whether it fits.
     pub(super) fn add(&mut self, offset: u64) -> bool {
-        let Some(range) = self.places.range(offset) else { return true };
+        let Some(range) = self.places.range(offset).filter(|range| range.end > self.requested) else { return true };
         if self.span.is_empty() {
             (self.span, self.gaps) = (range, 0);
             return true;

@@ -80,6 +80,10 @@ impl NoUpload {
     }
 }
 
+pub(crate) fn check(path: &Path) -> Result<(), Error> {
+    Err(refused(path))
+}
+
 pub(crate) fn list(prefix: &Path) -> Result<Vec<Listed>, Error> {
     Err(refused(prefix))
 }

@@ -16,7 +16,7 @@ use object_store::{BackoffConfig, ClientOptions, ObjectStore, ObjectStoreScheme,
 use tokio::runtime::{Builder, Runtime};
 use url::{Position, Url};
 
-use super::refusal::refused;
+use super::refusal::unusable;
 use crate::Error;
 
 /// Number of times, and longest time, that a request is tried again, unless the environment says otherwise: about a minute.
@@ -60,9 +60,14 @@ impl ObjectPlace {
             "http" | "https" if !is_plain => text.strip_suffix(key.as_ref()).unwrap_or(text).to_owned(),
             _ => url[..Position::BeforePath].to_owned(),
         };
-        let store = client(&bucket, &url, &scheme).map_err(|error| refused(path, "reach its store", error))?;
+        let store = client(&bucket, &url, &scheme).map_err(|error| unusable(path, &error))?;
         Ok(Self { path: path.to_owned(), key, store, is_plain })
     }
+}
+
+/// Refuses a URL that names no object, at no request.
+pub(crate) fn check(path: &Path) -> Result<(), Error> {
+    ObjectPlace::of(path).map(drop)
 }
 
 type Clients = BTreeMap<String, Arc<dyn ObjectStore>>;

@@ -9,7 +9,7 @@ use object_store::ObjectMeta;
 
 use super::client::{ObjectPlace, wait};
 use super::listed::Listed;
-use super::refusal::refused;
+use super::refusal::{LIST, refused};
 use crate::Error;
 
 static IDENTITIES: LazyLock<Mutex<BTreeMap<PathBuf, String>>> = LazyLock::new(Mutex::default);
@@ -19,7 +19,7 @@ pub(crate) fn list(prefix: &Path) -> Result<Vec<Listed>, Error> {
     let ObjectPlace { path, key, store, .. } = ObjectPlace::of(prefix)?;
     let found = wait(&path, async {
         let found: Result<Vec<_>, _> = store.list(Some(&key)).try_collect().await;
-        found.map_err(|refusal| refused(&path, "list it", refusal))
+        found.map_err(|refusal| refused(&path, LIST, refusal))
     })?;
     let text = path.to_string_lossy();
     let bucket = text.strip_suffix('/').unwrap_or(&text);
@@ -29,7 +29,7 @@ pub(crate) fn list(prefix: &Path) -> Result<Vec<Listed>, Error> {
         let path = PathBuf::from(format!("{bucket}/{}", object.location));
         let version = identity(object);
         identities.insert(path.clone(), version.clone());
-        Listed { path, length: object.size, version }
+        Listed { path, length: object.size, version, modified_ms: object.last_modified.timestamp_millis() }
     });
     let mut listed: Vec<_> = listed.collect();
     listed.sort_unstable_by(|a, b| a.path.as_os_str().cmp(b.path.as_os_str()));

@@ -24,7 +24,9 @@ mod refusal;
 mod upload;
 
 #[cfg(not(feature = "object-store"))]
-pub(crate) use absent::{NoObject as Object, NoUpload as Upload, known_identity, list, marked};
+pub(crate) use absent::{NoObject as Object, NoUpload as Upload, check, known_identity, list, marked};
+#[cfg(feature = "object-store")]
+pub(crate) use client::check;
 pub(crate) use listed::Listed;
 #[cfg(feature = "object-store")]
 pub(crate) use listing::{known_identity, list};

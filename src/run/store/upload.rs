@@ -6,13 +6,13 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use object_store::{
-    Attribute, Attributes, Error as Refusal, GetOptions, PutMode, PutMultipartOptions, PutOptions, PutPayload,
-    WriteMultipart,
+    Attribute, Attributes, Error as Refusal, GetOptions, GetRange, PutMode, PutMultipartOptions, PutOptions,
+    PutPayload, WriteMultipart,
 };
 
 use super::client::{ObjectPlace, retry, runtime, wait};
 use super::mark::ResultMark;
-use super::refusal::{LOOK, refused};
+use super::refusal::{LOOK, has_expired, is_unexplained, refused};
 use crate::Error;
 use crate::run::output::written::Written;
 
@@ -187,6 +187,7 @@ fn patiently<T>(mut attempt: impl FnMut() -> Result<T, Error>) -> Result<T, Erro
     let mut pause = Duration::from_millis(200);
     loop {
         match attempt() {
+            Err(error) if has_expired(&error) => return Err(error),
             Err(Error::OutOfReach { .. }) if begun.elapsed() + pause < patience => std::thread::sleep(pause),
             done => return done,
         }
@@ -201,8 +202,14 @@ pub(crate) fn marked(path: &Path) -> Result<Option<Option<ResultMark>>, Error> {
 }
 
 async fn look(location: &ObjectPlace) -> object_store::Result<Option<Option<ResultMark>>> {
-    let options = GetOptions { head: true, ..GetOptions::default() };
-    match location.store.get_opts(&location.key, options).await {
+    let ask = |options: GetOptions| location.store.get_opts(&location.key, options);
+    let found = match ask(GetOptions { head: true, ..GetOptions::default() }).await {
+        Err(refusal) if is_unexplained(&refusal) && !location.is_plain => {
+            ask(GetOptions { range: Some(GetRange::Bounded(0..1)), ..GetOptions::default() }).await
+        }
+        found => found,
+    };
+    match found {
         Err(Refusal::NotFound { source, .. }) if source.to_string().contains("NoSuchBucket") => {
             Err(Refusal::NotFound { path: location.key.to_string(), source })
         }

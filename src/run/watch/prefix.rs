@@ -1,5 +1,5 @@
 //! A prefix of an object store as a service: each recording under it that has not changed from one listing to the next
-//! gets a sidecar, once.
+//! gets a sidecar, once, and another one in its place when the recording was replaced.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -14,10 +14,15 @@ use crate::run::batch::{Form, Options, annotate};
 use crate::run::input::splits::Input;
 use crate::run::output::in_place::Access;
 use crate::run::output::written::Written;
-use crate::run::prefix::with_sidecars;
+use crate::run::prefix::{WithSidecar, with_sidecars};
 use crate::run::stop::Stop;
+use crate::run::store::{Listed, ResultMark, marked};
 use crate::run::tail::Tailed;
 use crate::run::watch::metrics::Metrics;
+
+/// Time by which a sidecar is certainly younger than its recording, in milliseconds (a day): a recording that is sent in parts
+/// may bear the time of the first.
+const YOUNGER_MS: i64 = 86_400_000;
 
 /// Options of watching a prefix.
 #[derive(Clone, Debug)]
@@ -39,6 +44,18 @@ struct Known {
     version: String,
     state: KnownState,
     attempts: u32,
+    /// Whether another one had its name before, as far as this watch saw.
+    is_another: bool,
+}
+
+/// A recording to work on.
+struct Due {
+    path: PathBuf,
+    version: String,
+    sidecar: PathBuf,
+    /// Whether its sidecar's name is taken, and whether certainly by that of another recording.
+    is_taken: bool,
+    is_another: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,31 +83,29 @@ pub fn watch_prefix(
 ) -> Result<(), Error> {
     with_sidecars(&watching.prefix, watching.out.as_deref())?;
     tracing::info!("watching {}", watching.prefix.display());
+    let fingerprint = || crc32fast::hash(config().canonical().as_bytes());
+    let mut configuration = fingerprint();
     let mut known: BTreeMap<PathBuf, Known> = BTreeMap::new();
     while stop.check().is_ok() {
         let next_look = Instant::now() + watching.interval;
+        let current = fingerprint();
+        if std::mem::replace(&mut configuration, current) != current {
+            // What was refused may be accepted now.
+            let refused = known.values_mut().filter(|entry| entry.state == KnownState::LeftAlone);
+            refused.for_each(|entry| (entry.state, entry.attempts) = (KnownState::New, 0));
+        }
         match with_sidecars(&watching.prefix, watching.out.as_deref()) {
             Ok(found) => {
                 // Those that are gone are forgotten with it.
                 let mut before = std::mem::take(&mut known);
                 let mut due = VecDeque::new();
-                for (object, sidecar, is_there) in found {
-                    let entry = before.remove(&object.path).filter(|entry| entry.version == object.version);
-                    let state = match entry.as_ref().map(|entry| entry.state) {
-                        _ if is_there => KnownState::Annotated,
-                        Some(state) => state,
-                        None => KnownState::New,
-                    };
-                    let is_due = match (&entry, state) {
-                        (Some(_), KnownState::New) => true,
-                        (_, KnownState::Again(at)) => at <= Instant::now(),
-                        _ => false,
-                    };
-                    let attempts = entry.map_or(0, |entry| entry.attempts);
-                    known.insert(object.path.clone(), Known { version: object.version, state, attempts });
+                for WithSidecar { recording, sidecar, there } in found {
+                    let (entry, is_due) = look(before.remove(&recording.path), &recording, there.as_ref());
                     if is_due {
-                        due.push_back((object.path, sidecar));
+                        let (path, version, is_another) = (recording.path.clone(), recording.version, entry.is_another);
+                        due.push_back(Due { path, version, sidecar, is_taken: there.is_some(), is_another });
                     }
+                    known.insert(recording.path, entry);
                 }
                 count(&known, metrics);
                 work(watching, due, &mut known, config, stop, metrics, notify);
@@ -105,10 +120,31 @@ pub fn watch_prefix(
     Ok(())
 }
 
+/// State of a recording by a listing, and whether it is due. Where the times do not tell whether its sidecar is its own, it
+/// is due as well, and the mark on the sidecar tells.
+fn look(before: Option<Known>, recording: &Listed, there: Option<&Listed>) -> (Known, bool) {
+    let is_same = before.as_ref().is_some_and(|entry| entry.version == recording.version);
+    let is_another = before.as_ref().is_some_and(|entry| entry.is_another || !is_same);
+    let same = before.filter(|_| is_same);
+    let is_younger = there.is_some_and(|there| there.modified_ms.saturating_sub(recording.modified_ms) > YOUNGER_MS);
+    let state = match same.as_ref().map(|entry| entry.state) {
+        Some(KnownState::New) | None if is_younger && !is_another => KnownState::Annotated,
+        Some(state) => state,
+        None => KnownState::New,
+    };
+    let is_due = match state {
+        KnownState::New => same.is_some(),
+        KnownState::Again(at) => at <= Instant::now(),
+        KnownState::Annotated | KnownState::LeftAlone => false,
+    };
+    let attempts = same.map_or(0, |entry| entry.attempts);
+    (Known { version: recording.version.clone(), state, attempts, is_another }, is_due)
+}
+
 /// Works on the recordings that are due, several at a time.
 fn work(
     watching: &WatchingPrefix,
-    due: VecDeque<(PathBuf, PathBuf)>,
+    due: VecDeque<Due>,
     known: &mut BTreeMap<PathBuf, Known>,
     config: &(dyn Fn() -> Config + Sync),
     stop: &Stop,
@@ -124,11 +160,11 @@ fn work(
             let work = move || {
                 loop {
                     let next = due.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
-                    let Some((path, sidecar)) = next.filter(|_| stop.check().is_ok()) else { return };
+                    let Some(due) = next.filter(|_| stop.check().is_ok()) else { return };
                     let stop = stop.of_work(watching.time_limit);
-                    metrics.begin(&path, stop.clone());
-                    let result = one(&path, &sidecar, &config(), &stop);
-                    if sender.send((path, result)).is_err() {
+                    metrics.begin(&due.path, stop.clone());
+                    let result = one(&due, &config(), &stop);
+                    if sender.send((due.path, result)).is_err() {
                         return;
                     }
                 }
@@ -146,28 +182,45 @@ fn work(
     });
 }
 
-fn one(path: &Path, sidecar: &Path, config: &Config, stop: &Stop) -> Result<Tailed, Error> {
+/// Annotates a recording, unless its sidecar is there already.
+fn one(due: &Due, config: &Config, stop: &Stop) -> Result<Option<Tailed>, Error> {
+    let Due { path, version, sidecar, .. } = due;
+    let there = if due.is_taken { marked(sidecar)? } else { None };
+    if there.as_ref().is_some_and(|mark| is_own(mark.as_ref(), version, due.is_another)) {
+        return Ok(None);
+    }
     let input = Input::open_original(path, Access::Read)?;
-    let options = Options { form: Form::Sidecar, ..Options::default() };
-    let (report, written) = annotate(&input, &[sidecar.to_owned()], config, options, &|_| stop.check())?;
+    let options = Options { form: Form::Sidecar, force: there.is_some(), ..Options::default() };
+    let (report, written) = annotate(&input, std::slice::from_ref(sidecar), config, options, &|_| stop.check())?;
     let (length, output) = (input.length(), sidecar.to_owned());
-    Ok(Tailed { report, length, output, written, ending: Ending::Finished })
+    Ok(Some(Tailed { report, length, output, written, ending: Ending::Finished }))
+}
+
+/// Whether a sidecar is that of a recording, whatever its configuration. One without a mark was put there by another program,
+/// and is taken for it unless the recording was certainly replaced.
+fn is_own(mark: Option<&ResultMark>, version: &str, is_another: bool) -> bool {
+    match mark.map(|mark| mark.input.as_str()).filter(|input| !input.is_empty()) {
+        Some(input) if input.contains(':') => input == version,
+        // Of a file, which has no version.
+        Some(length) => !is_another && version.split(':').next() == Some(length),
+        None => !is_another,
+    }
 }
 
 fn finish(
     entry: &mut Known,
     path: &Path,
-    result: Result<Tailed, Error>,
+    result: Result<Option<Tailed>, Error>,
     metrics: &Metrics,
     notify: &dyn Fn(&Path, Verdict<'_>),
 ) {
     match result {
         Ok(tailed) => {
-            if tailed.written == Written::Now {
+            if let Some(tailed) = tailed.filter(|tailed| tailed.written == Written::Now) {
                 metrics.done(path, &tailed.report, tailed.length);
                 notify(path, Verdict::Annotated(&tailed));
             }
-            (entry.state, entry.attempts) = (KnownState::Annotated, 0);
+            (entry.state, entry.attempts, entry.is_another) = (KnownState::Annotated, 0, false);
         }
         Err(Error::Stopped | Error::Paused) => {}
         Err(error) if error.is_passing() => {
@@ -200,4 +253,37 @@ fn count(known: &BTreeMap<PathBuf, Known>, metrics: &Metrics) {
         *states.entry(state).or_default() += 1;
     }
     metrics.round(states);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listed(version: &str, modified_ms: i64) -> Listed {
+        Listed { path: PathBuf::from("s3://robots/17.mcap"), length: 10, version: version.to_owned(), modified_ms }
+    }
+
+    #[test]
+    fn a_sidecar_that_is_much_younger_is_the_recordings_own_and_any_other_is_looked_at() {
+        let (old, young) = (listed("s", 0), listed("s", 2 * YOUNGER_MS));
+        let (first, is_due) = look(None, &listed("10:a", 1), Some(&young));
+        assert!(first.state == KnownState::Annotated && !is_due);
+        // Replaced meanwhile: once it stays as it is, it is due.
+        let (replaced, is_due) = look(Some(first), &listed("10:b", 1), Some(&young));
+        assert!(replaced.state == KnownState::New && replaced.is_another && !is_due);
+        let (stays, is_due) = look(Some(replaced), &listed("10:b", 1), Some(&young));
+        assert!(stays.is_another && is_due);
+        let (unknown, is_due) = look(None, &listed("10:a", 1), Some(&old));
+        assert!(!is_due && look(Some(unknown), &listed("10:a", 1), Some(&old)).1);
+    }
+
+    #[test]
+    fn a_mark_tells_whether_a_sidecar_is_of_this_version() {
+        let mark = |input: &str| ResultMark { input: input.to_owned(), ..ResultMark::of(&Config::default()) };
+        assert!(is_own(Some(&mark("10:a")), "10:a", true));
+        assert!(!is_own(Some(&mark("10:b")), "10:a", false));
+        assert!(is_own(Some(&mark("10")), "10:a", false), "of a file of this length");
+        assert!(!is_own(Some(&mark("10")), "10:a", true) && !is_own(Some(&mark("11")), "10:a", false));
+        assert!(is_own(None, "10:a", false) && !is_own(None, "10:a", true));
+    }
 }

@@ -4,9 +4,9 @@
 #     pip install stillpoint
 #     sbatch slurm.sh s3://bucket/recordings/
 #
-# Each task takes its part by SLURM_ARRAY_TASK_ID, _COUNT and _MIN. Passing trouble (exit code 5) puts the task back into the
-# queue, five times at most; what is finished is skipped then. Credentials are those of the environment that it is submitted
-# from.
+# Each task takes its part by SLURM_ARRAY_TASK_ID, _COUNT, _MIN and _STEP. Passing trouble (exit code 5) puts the task back
+# into the queue, five times at most; what is finished is skipped then. Credentials are those of the environment that it is
+# submitted from.
 #SBATCH --job-name=stillpoint
 #SBATCH --array=0-63%16
 #SBATCH --cpus-per-task=1
