@@ -77,8 +77,10 @@ pub fn run(args: &cli::Tail, json: bool, stop: &Stop) -> Result<Code, Error> {
     }
     Ok(match (tailed.written, code) {
         (Written::Before, _) => Code::Done,
-        // For example a folder without its last file.
-        (Written::Now, Code::Done) if tailed.ending == Ending::Idle && !args.accept_damage => Code::Damaged,
+        // A folder without its last file. Of a single file the result says whether anything is missing, as for annotate.
+        (Written::Now, Code::Done) if tailed.ending == Ending::Idle && args.input.is_dir() && !args.accept_damage => {
+            Code::Damaged
+        }
         (Written::Now, code) => code,
     })
 }
