@@ -20,6 +20,8 @@ pub struct Limits {
     pub definitions_mib: u64,
     /// Most channels of a recording.
     pub channels: u64,
+    /// Most IMUs of a recording that no configuration names.
+    pub imus: usize,
     /// Most viewers at a time.
     pub viewers: usize,
     /// Longest message from a viewer, finished or not, and to viewers, in KiB.
@@ -40,6 +42,7 @@ impl Default for Limits {
             definition_mib: definition / MIB,
             definitions_mib: definitions / MIB,
             channels,
+            imus: 256,
             viewers: 48,
             viewer_kib: 1024,
             viewer_rate: 12_800,

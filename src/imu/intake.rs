@@ -46,6 +46,12 @@ impl Intake {
         self.channels.is_untold()
     }
 
+    /// Limits the IMUs that no configuration names, each of which takes memory.
+    pub fn with_most(mut self, imus: usize) -> Self {
+        self.channels.most = imus;
+        self
+    }
+
     /// Restricts positions to this topic.
     pub fn with_fix_topic(mut self, topic: Option<String>) -> Self {
         self.channels.positions = PositionSearch::new(topic);

@@ -19,7 +19,8 @@ pub(crate) struct Sources {
 
 impl Sources {
     pub(crate) fn new(config: &Config) -> Self {
-        let intake = Intake::new(&config.imu).with_fix_topic(config.fit.fix_topic.clone());
+        let intake =
+            Intake::new(&config.imu).with_most(config.limits.imus).with_fix_topic(config.fit.fix_topic.clone());
         let intake = intake.with_heading(config.fit.heading.clone());
         Self { table: ChannelTable::default(), intake }
     }

@@ -332,3 +332,50 @@ fn holes_loops_and_texts_that_refer_to_themselves() {
         }
     }
 }
+
+/// Schema and first message of the demo's IMU, the message with another `frame_id`.
+fn imu(frame: &str) -> (Vec<u8>, Vec<u8>) {
+    let demo = std::fs::read(crate::common::needs::root().join("testdata/demo.mcap")).unwrap();
+    let first = mcap::MessageStream::new(&demo).unwrap().next().unwrap().unwrap();
+    let of_it = first.channel.schema.clone().unwrap();
+    let schema = schema(1, &of_it.name, &of_it.encoding, &of_it.data);
+    // CDR: four bytes of its own, the stamp, then the frame, aligned to eight bytes by what follows.
+    let was = u32::from_le_bytes(first.data[12..16].try_into().unwrap()) as usize;
+    let mut data = [&first.data[..12], &(frame.len() as u32 + 1).to_le_bytes(), frame.as_bytes(), &[0]].concat();
+    let aligned = |length: usize| (length - 4).next_multiple_of(8) + 4;
+    data.resize(aligned(data.len()), 0);
+    data.extend(&first.data[aligned(16 + was)..]);
+    (schema, data)
+}
+
+#[test]
+fn imus_without_number() {
+    let folder = Folder::new();
+    let (schema, data) = imu("imu");
+    let channels: Vec<_> = (0..20_000_u16).map(|id| channel(id, 1, &format!("/imu/{id}"), "cdr")).collect();
+    let messages: Vec<_> = (0..20_000_u16).map(|id| message(id, 1_000_000_000 + u64::from(id), &data)).collect();
+    folder.write("many.mcap", &recording(&[chunk(&[schema, channels.concat(), messages.concat()].concat())]));
+    ends_well(&folder, "many.mcap");
+    let said = folder.say("topics many.mcap").ok();
+    assert!(said.stdout.contains("limits.imus") || said.stderr.contains("limits.imus"), "{}", said.stdout);
+    let own = folder.say("topics many.mcap --set limits.imus=3").ok();
+    assert!(own.stdout.contains("more than 3 IMUs"), "{}", own.stdout);
+}
+
+#[test]
+fn names_without_end() {
+    let folder = Folder::new();
+    let (plain, data) = imu("imu");
+    let topic = format!("/{}", "t".repeat(3 << 20));
+    let one = [plain.clone(), channel(1, 1, &topic, "cdr"), message(1, 1_000_000_000, &data).repeat(500)].concat();
+    folder.write("topic.mcap", &recording(&[chunk(&one)]));
+    ends_well(&folder, "topic.mcap");
+    let (schema, data) = imu(&"f".repeat(30 << 20));
+    folder.write(
+        "frame.mcap",
+        &recording(&[chunk(&[schema, channel(1, 1, "/imu", "cdr"), message(1, 1_000_000_000, &data)].concat())]),
+    );
+    ends_well(&folder, "frame.mcap");
+    let said = folder.say("annotate frame.mcap -o o.mcap --force --allow-no-imu");
+    assert!(said.stderr.contains("frame_id has more than 256 bytes"), "{}", said.stderr);
+}

@@ -36,10 +36,14 @@ pub(in crate::imu) struct Assignment {
     readers: BTreeMap<String, Vec<usize>>,
     pub(in crate::imu) halves: Halves,
     pub(in crate::imu) imus: Vec<Imu>,
+    /// Most IMUs that no configuration names.
+    pub(in crate::imu) most: usize,
     pub(in crate::imu) positions: PositionSearch,
     pub(in crate::imu) headings: HeadingSearch,
 }
 
+/// Longest topic that is read, bytes: it is part of the name of each annotation topic.
+const LONGEST_TOPIC: usize = 4096;
 /// Most numbers that are listed of a message without vectors.
 const NUMBERS: usize = 12;
 
@@ -56,6 +60,7 @@ impl Assignment {
             readers: BTreeMap::new(),
             halves: Halves::default(),
             imus: Vec::new(),
+            most: usize::MAX,
             positions: PositionSearch::default(),
             headings: HeadingSearch::default(),
         };
@@ -90,6 +95,10 @@ impl Assignment {
         if !self.roles.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
             let role = match Layout::new(&channel.message_encoding, schema) {
+                _ if channel.topic.len() > LONGEST_TOPIC => ChannelRole::Skipped(format!(
+                    "its topic has {} bytes, {LONGEST_TOPIC} at most are read",
+                    channel.topic.len()
+                )),
                 _ if topic::is_annotation(&channel.topic) => ChannelRole::Annotation,
                 Ok(layout) => self.assign(channel.id, &channel.topic, &layout),
                 Err(SchemaError::Untold) => {
@@ -179,6 +188,12 @@ impl Assignment {
         let known = known(layout);
         let imus: Vec<_> = known.iter().filter(|known| known.imu).collect();
         let by_itself = !self.is_mentioned(topic);
+        if by_itself && !imus.is_empty() && self.sources.len() - self.configured + imus.len() > self.most {
+            return ChannelRole::Skipped(format!(
+                "one of more than {} IMUs, which limits.imus allows; an [[imu]] of the configuration names one that matters",
+                self.most
+            ));
+        }
         if by_itself {
             imus.iter().for_each(|known| self.add(Source::found(topic, known, imus.len() == 1)));
         }

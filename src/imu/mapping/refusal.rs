@@ -25,10 +25,12 @@ pub enum Cause {
     ForeignFrame,
     /// More `frame_id`s than any real recording has.
     TooManyFrames,
+    /// A `frame_id` that is longer than any real one.
+    LongFrame,
 }
 
 impl Cause {
-    pub(in crate::imu) const ALL: [Self; 8] = [
+    pub(in crate::imu) const ALL: [Self; 9] = [
         Self::Malformed,
         Self::LogTime,
         Self::NotFinite,
@@ -37,6 +39,7 @@ impl Cause {
         Self::Zero,
         Self::ForeignFrame,
         Self::TooManyFrames,
+        Self::LongFrame,
     ];
 }
 
@@ -51,6 +54,7 @@ impl fmt::Display for Cause {
             Self::Zero => "exactly zero from the start, taken as absent",
             Self::ForeignFrame => "its frame_id differs from that of the topic's first message",
             Self::TooManyFrames => "too many different frame_ids on one topic",
+            Self::LongFrame => "its frame_id has more than 256 bytes",
         })
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::refusal::Cause;
-use super::route::{Route, Tap};
+use super::route::{LONGEST_FRAME, Route, Tap};
 use super::source::Source;
 use crate::imu::config::{AccelUnit, RateUnit, SecondaryModel};
 use crate::imu::preset::Preset;
@@ -71,6 +71,9 @@ pub(in crate::imu) fn owner(
     frame: &[u8],
     appears: bool,
 ) -> Result<Option<ImuId>, Cause> {
+    if frame.len() > LONGEST_FRAME {
+        return Err(Cause::LongFrame);
+    }
     if route.taps.get(tap).is_some_and(|tap| tap.with_accel) {
         match source.imus.iter().find(|(own, _)| own == frame) {
             Some(&(_, id)) => Ok(Some(id)),

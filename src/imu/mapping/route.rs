@@ -91,6 +91,9 @@ pub(in crate::imu) enum Frame<'d> {
     Digits { bytes: [u8; 20], len: usize },
 }
 
+/// Longest `frame_id` that is read, bytes: it is part of the name of an IMU, and each of its annotations holds it.
+pub(in crate::imu) const LONGEST_FRAME: usize = 256;
+
 impl Route {
     /// Compiles the requests of a source, of which the accelerometer's is the last.
     pub(in crate::imu) fn new(
@@ -187,7 +190,7 @@ impl Route {
             Some(&device) => Frame::digits(device as u64),
             None => Frame::Text(text),
         };
-        if self.frames.is_empty() {
+        if self.frames.is_empty() && frame.len() <= LONGEST_FRAME {
             self.frames.push(frame.to_vec());
         }
         Ok((frame, self.batch.as_ref().map_or(1, Batch::readings)))
