@@ -2,13 +2,12 @@
 
 use std::ffi::OsString;
 use std::io::{self, Write as _};
-use std::panic;
 use std::thread;
 use std::time::Duration;
 
 use clap::{CommandFactory as _, Parser as _};
 use stillpoint::run::{self, Stop};
-use tokio::runtime::{Builder, Runtime};
+use tokio::runtime::Builder;
 
 use crate::{cli, commands, console};
 
@@ -20,12 +19,13 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// it takes the process's signals and standard streams, and exits by itself where the command line is wrong.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<_> = args.into_iter().collect();
+    let stop = Stop::default();
+    // First of all: help, too, may be written to a file that must not grow.
+    let listening = listen(stop.clone());
     let cli = cli::Cli::try_parse_from(&args).unwrap_or_else(|error| refuse(&error, &args));
     console::log_to_stderr(&cli);
     run::allow_many_files();
-
-    let stop = Stop::default();
-    if let Err(why) = listen(stop.clone()) {
+    if let Err(why) = listening {
         tracing::error!("cannot listen for signals: {why}");
         return 1;
     }
@@ -41,7 +41,8 @@ fn refuse(error: &clap::Error, args: &[OsString]) -> ! {
     use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     match error.kind() {
         DisplayHelp | DisplayHelpOnMissingArgumentOrSubcommand | DisplayVersion => error.exit(),
-        _ => eprintln!("{}", stillpoint::printable(&mistake(error, args))),
+        // Where standard error cannot be written to, the exit code says it all.
+        _ => drop(writeln!(io::stderr(), "{}", stillpoint::printable(&mistake(error, args)))),
     }
     std::process::exit(2);
 }
@@ -72,7 +73,8 @@ fn mistake(error: &clap::Error, args: &[OsString]) -> String {
 
 /// Listens for signals on a thread of its own.
 fn listen(stop: Stop) -> Result<(), String> {
-    let runtime = runtime()?;
+    let runtime =
+        run::runtime(|| Builder::new_current_thread().enable_all().build()).map_err(|error| error.to_string())?;
     let beyond = runtime.block_on(async { run::outlive_file_size_limit() });
     let signals = async move {
         let _beyond = beyond;
@@ -83,16 +85,4 @@ fn listen(stop: Stop) -> Result<(), String> {
     };
     let spawned = thread::Builder::new().name("signals".to_owned()).spawn(move || runtime.block_on(signals));
     spawned.map(drop).map_err(|error| error.to_string())
-}
-
-fn runtime() -> Result<Runtime, String> {
-    // Where the system refuses a file descriptor, tokio panics.
-    let hook = panic::take_hook();
-    panic::set_hook(Box::new(|_| {}));
-    let built = panic::catch_unwind(|| Builder::new_current_thread().enable_all().build());
-    panic::set_hook(hook);
-    match built {
-        Ok(runtime) => runtime.map_err(|error| error.to_string()),
-        Err(_) => Err("the system refuses a file for it, see ulimit -n".to_owned()),
-    }
 }

@@ -1,7 +1,5 @@
 //! Progress bar on a terminal, and the check for stop requests everywhere.
 
-use std::time::Duration;
-
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use stillpoint::run::{Input, Stop};
 use stillpoint::{Error, printable};
@@ -25,7 +23,6 @@ impl<'a> Progress<'a> {
         let bar = ProgressBar::with_draw_target(Some(recording.length()), target)
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
             .with_message(name);
-        bar.enable_steady_tick(Duration::from_millis(200));
         Self { bar, stop }
     }
 

@@ -25,6 +25,7 @@ use foxglove::{Context, WebSocketServer};
 use tokio::runtime::{Builder, Runtime};
 
 use crate::Error;
+use crate::run::runtime::runtime;
 use queue::Queue;
 use shared::{Last, Shared};
 
@@ -45,7 +46,8 @@ impl Live {
     /// If nothing can listen there.
     pub fn open(address: SocketAddr, viewers: Viewers) -> Result<Self, Error> {
         let refused = |error| Error::io("listen on", address.to_string().as_ref())(error);
-        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(refused)?;
+        let runtime =
+            runtime(|| Builder::new_multi_thread().worker_threads(1).enable_all().build()).map_err(refused)?;
         let listener =
             TcpListener::bind(address).and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
         let listener = listener.map_err(refused)?;

@@ -240,3 +240,31 @@ fn a_limit_of_the_system_is_an_error_and_no_signal_or_panic() {
         assert!(folder.read("demo.mcap") == before, "{limit} {command}");
     }
 }
+
+#[test]
+fn a_thread_that_the_system_refuses_is_no_panic() {
+    let folder = Folder::with_demo();
+    for when in 1..=4 {
+        for command in [
+            "annotate -q --force demo.mcap -o o.mcap",
+            "topics demo.mcap",
+            "tail -q --force demo.mcap -o t.mcap --live 127.0.0.1:0 --idle-timeout 100ms",
+        ] {
+            let inject = format!("clone3:error=EAGAIN:when={when}");
+            let Some(run) = injected(&folder, &inject, command) else { return };
+            assert!([0, 1, 3, 5].contains(&run.code), "{command}, {inject}: {} {}", run.code, run.stderr);
+            assert!(!run.stderr.contains("panicked"), "{command}, {inject}: {}", run.stderr);
+        }
+    }
+}
+
+#[test]
+fn a_mistake_that_cannot_be_told_has_its_exit_code_all_the_same() {
+    let folder = Folder::new();
+    assert_eq!(shell(&folder, "$STILLPOINT nonsense 2> /dev/full").code, 2);
+    // Nor does a limit on files end what is asked for before any work by a signal.
+    for command in ["--help", "nonsense", "help annotate"] {
+        let run = shell(&folder, &format!("(ulimit -f 0; exec $STILLPOINT {command} > out 2> err)"));
+        assert!([0, 1, 2].contains(&run.code), "{command}: {}", run.code);
+    }
+}

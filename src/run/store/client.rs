@@ -18,6 +18,7 @@ use url::{Position, Url};
 
 use super::refusal::unusable;
 use crate::Error;
+use crate::run::runtime::runtime as build;
 
 /// Number of times, and longest time, that a request is tried again, unless the environment says otherwise: about a minute.
 const RETRIES: usize = 10;
@@ -117,7 +118,7 @@ pub(super) fn wait<T>(path: &Path, work: impl Future<Output = Result<T, Error>>)
 pub(super) fn runtime(path: &Path) -> Result<&'static Runtime, Error> {
     static RUNTIME: OnceLock<Result<Runtime, String>> = OnceLock::new();
     let built = RUNTIME.get_or_init(|| {
-        let built = Builder::new_multi_thread().worker_threads(2).thread_name("store").enable_all().build();
+        let built = build(|| Builder::new_multi_thread().worker_threads(2).thread_name("store").enable_all().build());
         built.map_err(|error| error.to_string())
     });
     built.as_ref().map_err(|why| Error::input(path, format!("the system refuses threads for its store: {why}")))
