@@ -123,7 +123,9 @@ pub fn outputs(args: &cli::Annotate, inputs: &[Named], is_list: bool) -> Result<
             let places: Vec<_> = same.iter().filter_map(|&i| inputs.get(i)).collect();
             let folders = apart(&places.iter().map(|input| whole(&input.path, args.join)).collect::<Vec<_>>());
             for ((i, input), folder) in same.iter().zip(places).zip(folders) {
-                paths.iter_mut().nth(*i).into_iter().for_each(|path| *path = at(input, &folder));
+                if let Some(path) = paths.get_mut(*i) {
+                    *path = at(input, &folder);
+                }
             }
         }
     }
