@@ -207,6 +207,9 @@ struct Difference<const N: usize> {
     parts: [(f64, f64); 3],
 }
 
+/// Most that a parameter jumps by, in standard deviations of its prior: three of a difference.
+const MOST: f64 = 4.2;
+
 /// Parameters that jump; the others stay.
 #[derive(Clone, Copy)]
 enum Part {
@@ -218,6 +221,10 @@ enum Part {
 
 impl<const N: usize> Difference<N> {
     fn new(by: SVector<f64, N>, covariance: SMatrix<f64, N, N>, prior: &SVector<f64, N>, more: f64) -> Option<Self> {
+        // Where little is known, equations that do not quite fit lead beyond what any sensor is.
+        if (0..N).any(|i| by[i].abs() > MOST * prior[i]) {
+            return None;
+        }
         let information = covariance.try_inverse()?;
         let told = information * by;
         // Of parameters that are not known on both sides no jump is seen.
