@@ -71,14 +71,15 @@ fn mistake(error: &clap::Error, args: &[OsString]) -> String {
     [what.join(" ")].into_iter().chain(tips).chain([format!("see {help}")]).collect::<Vec<_>>().join("; ")
 }
 
-/// Listens for signals on a thread of its own.
+/// Listens for signals, from now on, on a thread of its own.
 fn listen(stop: Stop) -> Result<(), String> {
-    let runtime =
-        run::runtime(|| Builder::new_current_thread().enable_all().build()).map_err(|error| error.to_string())?;
-    let beyond = runtime.block_on(async { run::outlive_file_size_limit() });
+    let runtime = run::runtime(|| Builder::new_current_thread().enable_all().build());
+    let runtime = runtime.map_err(|error| error.to_string())?;
+    let (beyond, requested) = runtime.block_on(async { (run::outlive_file_size_limit(), stop.clone().on_signal()) });
+    let requested = requested.map_err(|error| error.to_string())?;
     let signals = async move {
         let _beyond = beyond;
-        tokio::spawn(stop.clone().on_signal());
+        tokio::spawn(requested);
         let signal = stop.overdue(PATIENCE).await;
         tracing::error!("stopped on request, in the midst of work that did not yield");
         std::process::exit(128 + i32::from(signal))

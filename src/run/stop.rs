@@ -1,8 +1,12 @@
 //! Request to stop, carried from a signal to the work in progress.
 
+use std::future::Future;
+use std::io;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
+
+use tokio::signal::unix::{SignalKind, signal};
 
 use crate::Error;
 
@@ -17,13 +21,22 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Waits for SIGINT (Ctrl-C) or SIGTERM, then requests to stop.
-    pub async fn on_signal(self) {
-        let signal = tokio::select! {
-            Ok(()) = tokio::signal::ctrl_c() => 2,
-            () = terminated() => 15,
-        };
-        self.signal.store(signal, Ordering::Relaxed);
+    /// Listens for SIGINT (Ctrl-C) and SIGTERM from now on; once one comes, the future requests to stop.
+    ///
+    /// To be called within tokio's runtime.
+    ///
+    /// # Errors
+    ///
+    /// If the system refuses to.
+    pub fn on_signal(self) -> io::Result<impl Future<Output = ()> + Send + 'static> {
+        let (mut interrupted, mut terminated) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+        Ok(async move {
+            let signal = tokio::select! {
+                _ = interrupted.recv() => 2,
+                _ = terminated.recv() => 15,
+            };
+            self.signal.store(signal, Ordering::Relaxed);
+        })
     }
 
     /// Waits until a stop request has stayed unanswered for `patience`; returns its signal.
@@ -79,13 +92,4 @@ impl Stop {
 fn now() -> u64 {
     static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
     BEGAN.elapsed().as_millis() as u64
-}
-
-async fn terminated() {
-    match tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()) {
-        Ok(mut signals) => {
-            signals.recv().await;
-        }
-        Err(_) => std::future::pending().await,
-    }
 }
