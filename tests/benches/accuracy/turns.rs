@@ -188,7 +188,8 @@ impl Session {
                 true => Vector3::from_fn(|_, _| normal(self.knock)),
                 false => Vector3::zeros(),
             };
-            let jitter = if self.jitter > 0.0 { normal(self.jitter) } else { 0.0 };
+            // No stamp overtakes the next one.
+            let jitter = if self.jitter > 0.0 { normal(self.jitter).clamp(-0.4 * step, 0.4 * step) } else { 0.0 };
             let lost = self.dropped > 0.0 && rests[i] == 0 && normal(1.0).abs() < quantile(self.dropped);
             for (which, (sensor, sample)) in pair.iter_mut().enumerate() {
                 if *sensor == Sensor::Gyroscope && rests[i] == 0 {
