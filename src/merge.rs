@@ -5,6 +5,7 @@
 //! [`engine`](crate::engine) finds rests and turns, and fits them; this layer learns how the sensor changed between recordings.
 
 mod change_points;
+mod changes;
 mod course;
 mod evidence;
 mod history;

@@ -2,21 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::change_points::Jump;
+use super::changes::changes;
 use super::evidence::{Evidence, Identity, Merge};
-use super::history::{Change, ChangeKind, Epoch, History, Point};
+use super::history::{Epoch, History, Point};
 use super::past_rest::PastRest;
 use super::past_turn::PastTurn;
 use super::random_walk::State;
-use super::remount::{Remount, remounts};
-use super::timeline::{self, Course, UNKNOWNS};
+use super::timeline::{self, Course, UNKNOWNS, bias, diagonal};
 use crate::Stamp;
 use crate::config::Config;
 use crate::engine::{self, Motion, Moved, Refitted, Secondary};
 use crate::fit::turn_fit::TurnSeen;
-use crate::fit::{Parameterisation, Term};
 use crate::imu::{RateUnit, Sensor};
 use crate::report::{Findings, day, nanos};
 use crate::still::{AllanSums, Rest};
@@ -85,7 +83,7 @@ impl<'a> Story<'a> {
             turns: self.evidence.turns.len(),
             is_thinned: self.evidence.rests.is_thinned() || self.evidence.turns.is_thinned(),
             epochs,
-            changes: self.changes(),
+            changes: changes(&self.rests, &self.visits, &self.accelerometer, &self.gyroscope),
             curve: self.curve(),
             drifts: [self.accelerometer.drifts, self.gyroscope.drifts],
         };
@@ -231,69 +229,6 @@ impl<'a> Story<'a> {
         DVector::from_iterator(N, course.speed.iter().map(|speed| (speed * seconds).sqrt()))
     }
 
-    /// Changes between visits.
-    fn changes(&self) -> Vec<Change> {
-        let (accelerometer, gyroscope) = (&self.accelerometer.jumps, &self.gyroscope.jumps);
-        let near = |one: usize, other: usize| one.abs_diff(other) <= 1;
-        let beside = |at: usize| gyroscope.iter().find(move |jump| near(jump.at, at));
-        let alone = gyroscope.iter().filter(|jump| accelerometer.iter().all(|other| !near(other.at, jump.at)));
-        let both = accelerometer.iter().map(|jump| (jump.at, Some(jump), beside(jump.at)));
-        let mut changes: Vec<_> = both.chain(alone.map(|jump| (jump.at, None, Some(jump)))).collect();
-        let remounts = remounts(&self.rests, &self.visits);
-        let quiet = remounts.iter().filter(|remount| changes.iter().all(|(at, ..)| !near(*at, remount.at)));
-        let quiet: Vec<_> = quiet.map(|remount| (remount.at, None, None)).collect();
-        changes.extend(quiet);
-        changes.sort_by_key(|(at, ..)| *at);
-        let change = |(at, accelerometer, gyroscope): (usize, _, _)| {
-            let remount = remounts.iter().find(|remount| near(remount.at, at));
-            self.change(at, accelerometer, gyroscope, remount)
-        };
-        changes.into_iter().filter_map(change).collect()
-    }
-
-    fn change(
-        &self,
-        at: usize,
-        accelerometer: Option<&Jump<UNKNOWNS>>,
-        gyroscope: Option<&Jump<3>>,
-        remount: Option<&Remount>,
-    ) -> Option<Change> {
-        /// Largest change of scale that leaves a sensor the same, however significant it is.
-        const SAME: f64 = 3e-3;
-        let rest = |visit: usize, last: bool| {
-            let visit = self.visits.get(visit)?;
-            self.rests.get(*if last { visit.last() } else { visit.first() }?)
-        };
-        let (before, behind) = (rest(at.checked_sub(1)?, true)?, rest(at, false)?);
-        let (by, std) = match accelerometer {
-            Some(jump) => (jump.by, jump.std),
-            None => difference(&self.accelerometer.states, at)?,
-        };
-        let gyro_bias = match gyroscope {
-            Some(jump) => Some((jump.by, jump.std)),
-            None => difference(&self.gyroscope.states, at).filter(|_| self.has_gyroscope()),
-        };
-        let [scale, scale_std] = [&by, &std].map(diagonal);
-        let replaced = accelerometer.is_some() && (0..3).any(|i| scale[i].abs() > SAME.max(4.0 * scale_std[i]));
-        let scores = accelerometer.map(|jump| jump.score).into_iter().chain(gyroscope.map(|jump| jump.score));
-        let scores = scores.chain(remount.map(Remount::score));
-        let kind = match (accelerometer, gyroscope) {
-            _ if replaced => ChangeKind::Replaced,
-            (None, None) => ChangeKind::Remounted,
-            _ => ChangeKind::Shock,
-        };
-        Some(Change {
-            kind,
-            after: before.rest.end,
-            before: behind.rest.start,
-            score: scores.fold(0.0, f64::max),
-            bias: [bias(&by), bias(&std)],
-            scale: [scale, scale_std],
-            gyro_bias: gyro_bias.map(|(by, std)| [by.into(), std.into()]),
-            turned: remount.map(|remount| remount.angle),
-        })
-    }
-
     fn curve(&self) -> Vec<Point> {
         let gravity = engine::gravity(&self.engine);
         let doubt = gravity.std / gravity.value;
@@ -341,27 +276,6 @@ fn moved<const N: usize>(state: &State<N>, walked: DVector<f64>, note: String) -
         covariance: DMatrix::from_fn(N, N, |i, j| state.covariance[(i, j)]),
         note,
     }
-}
-
-/// Difference of a state from the one before it, and its standard deviation.
-fn difference<const N: usize>(states: &[State<N>], at: usize) -> Option<(SVector<f64, N>, SVector<f64, N>)> {
-    let (before, behind) = (states.get(at.checked_sub(1)?)?, states.get(at)?);
-    let covariance: SMatrix<f64, N, N> = before.covariance + behind.covariance;
-    Some((behind.mean - before.mean, covariance.diagonal().map(|variance| variance.max(0.0).sqrt())))
-}
-
-fn bias(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
-    of_terms(parameters, Term::Bias)
-}
-
-fn diagonal(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
-    of_terms(parameters, |axis| Term::Own(axis, axis))
-}
-
-fn of_terms(parameters: &SVector<f64, UNKNOWNS>, term: impl Fn(usize) -> Term) -> [f64; 3] {
-    let terms = Parameterisation::TRIANGULAR.terms();
-    let value = |axis: usize| terms.iter().position(|known| *known == term(axis)).map(|i| parameters[i]);
-    [0, 1, 2].map(|axis| value(axis).unwrap_or_default())
 }
 
 /// Engine configuration of such a sensor, whose unit of rates may be confirmed.

@@ -35,16 +35,17 @@ pub(super) fn remounts(rests: &[&PastRest], visits: &[Vec<usize>]) -> Vec<Remoun
     let mut spans: Vec<(std::ops::Range<usize>, Vector3<f64>)> = Vec::new();
     for (at, visit) in visits.iter().enumerate() {
         let ups: Vec<_> = visit.iter().filter_map(up).collect();
-        let sum = ups.iter().sum::<Vector3<f64>>();
-        if ups.is_empty() || ups.iter().any(|up| angle_between(up, &sum) > ALIKE) {
+        // Rests on opposite faces have no direction in common.
+        let Some(way) = ups.iter().sum::<Vector3<f64>>().try_normalize(f64::EPSILON) else { continue };
+        if ups.iter().any(|up| angle_between(up, &way) > ALIKE) {
             continue;
         }
         match spans.last_mut() {
-            Some((span, all)) if span.end == at && angle_between(all, &sum) <= ALIKE => {
+            Some((span, all)) if span.end == at && angle_between(all, &way) <= ALIKE => {
                 span.end = at + 1;
-                *all += sum.normalize();
+                *all += way;
             }
-            _ => spans.push((at..at + 1, sum.normalize())),
+            _ => spans.push((at..at + 1, way)),
         }
     }
     let pair = |pair: &[(std::ops::Range<usize>, Vector3<f64>)]| {

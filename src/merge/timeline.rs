@@ -125,6 +125,22 @@ pub(super) fn calibration(at: &SVector<f64, UNKNOWNS>) -> Calibration {
     Parameterisation::TRIANGULAR.calibration(&parameters)
 }
 
+/// Biases of a state.
+pub(super) fn bias(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
+    of_terms(parameters, Term::Bias)
+}
+
+/// Diagonal of the sensitivity of a state.
+pub(super) fn diagonal(parameters: &SVector<f64, UNKNOWNS>) -> [f64; 3] {
+    of_terms(parameters, |axis| Term::Own(axis, axis))
+}
+
+fn of_terms(parameters: &SVector<f64, UNKNOWNS>, term: impl Fn(usize) -> Term) -> [f64; 3] {
+    let terms = Parameterisation::TRIANGULAR.terms();
+    let value = |axis: usize| terms.iter().position(|known| *known == term(axis)).map(|i| parameters[i]);
+    [0, 1, 2].map(|axis| value(axis).unwrap_or_default())
+}
+
 impl<const N: usize> Walk<N> {
     /// The same model over so many seconds: nothing walks within an hour.
     fn within(mut self, seconds: f64) -> Self {
