@@ -42,7 +42,8 @@ pub struct Stretch {
     pub(super) integrals: Integrals,
     /// Path ∫ ‖ω‖ dt, rad.
     pub path: f32,
-    /// Roughness Σ ‖second difference of ω‖² h², rad²: changes faster than the samples.
+    /// Roughness, rad²: Σ ‖second difference of ω‖² h² if it were that of noise, by the fourth differences, which hardly see
+    /// motion that the samples resolve.
     pub roughness: f32,
     /// Longest time between two samples, s.
     pub gap: f32,
@@ -116,10 +117,31 @@ pub struct Preintegrator {
     interval: f64,
     /// Angle of the last cell, rad.
     cell: Vector3<f64>,
-    /// Difference of the last two samples, rad/s.
-    difference: Option<Vector3<f64>>,
+    differences: Differences,
     range_end: Option<RangeEnd>,
     open: Open,
+}
+
+/// Latest differences of the rate of first, second and third order, rad/s.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Differences {
+    last: [Vector3<f64>; 3],
+    /// Number of them that are known.
+    known: usize,
+}
+
+impl Differences {
+    /// Takes a change of the rate; returns the fourth difference.
+    fn push(&mut self, change: Vector3<f64>) -> Option<Vector3<f64>> {
+        let mut next = change;
+        for last in self.last.iter_mut().take(self.known) {
+            next -= std::mem::replace(last, next);
+        }
+        let Some(unknown) = self.last.get_mut(self.known) else { return Some(next) };
+        *unknown = next;
+        self.known += 1;
+        None
+    }
 }
 
 /// Sums of the open stretch.
@@ -168,9 +190,10 @@ impl Preintegrator {
         open.seconds += cell;
         open.path += angle.norm();
         open.gap = open.gap.max(stamp.seconds_since(last));
-        let difference = rate - before;
-        if let Some(earlier) = self.difference.replace(difference) {
-            open.roughness += (difference - earlier).norm_squared() * (cell * cell);
+        if let Some(difference) = self.differences.push(rate - before) {
+            // Of white noise, and of a knock of one sample, the squares of second differences sum to 6 of its own, those of
+            // fourth ones to 70.
+            open.roughness += difference.norm_squared() * (cell * cell) * (6.0 / 70.0);
         }
         self.look_for_range(rate);
         self.interval = interval;
@@ -206,7 +229,7 @@ impl Preintegrator {
         self.last = Some((stamp, *rate));
         self.interval = 0.0;
         self.cell = Vector3::zeros();
-        self.difference = None;
+        self.differences = Differences::default();
         self.open = Open { start: Some(stamp), ..Open::default() };
         self.look_for_range(rate);
     }
@@ -249,5 +272,31 @@ impl Preintegrator {
             felt: ([0, 1, 2].map(|axis| force[axis] as f32), forces),
         };
         Some(stretch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Roughness of a second of rates at 25 Hz.
+    fn roughness(rate: impl Fn(f64) -> f64) -> f64 {
+        let whole = Limit { path: f64::INFINITY, seconds: 0.999 };
+        let mut preintegrator = Preintegrator::default();
+        let stretches = (0..40_u32).filter_map(|i| {
+            let seconds = f64::from(i) / 25.0;
+            let rate = Vector3::new(rate(seconds), 0.0, 0.0);
+            preintegrator.push(Stamp::from_nanos((1e9 * seconds) as i64), &rate, &whole)
+        });
+        stretches.map(|stretch| f64::from(stretch.roughness)).sum()
+    }
+
+    #[test]
+    fn a_knock_shorter_than_a_sample_is_rough_and_a_motion_that_samples_resolve_is_not() {
+        let knock = roughness(|seconds| if (seconds - 0.4).abs() < 0.01 { 0.5 } else { 0.0 });
+        assert!((knock / (6.0 * 0.5 * 0.5 / 625.0) - 1.0).abs() < 1e-3, "{knock}");
+        // A hand that trembles twice a second, as fast as the knock.
+        let motion = roughness(|seconds| 0.5 * libm::sin(4.0 * std::f64::consts::PI * seconds));
+        assert!(motion < 0.05 * knock, "{motion} {knock}");
     }
 }
