@@ -43,7 +43,7 @@ pub struct Passage {
 /// Largest number of stretches between two rests; with more they become longer.
 const MOST_STRETCHES: usize = 128;
 /// Largest number of pieces stored over all turns: a quarter turn takes about 25, or half of that once coarsened.
-const MOST_REMEMBERED: usize = 900;
+const MOST_REMEMBERED: usize = 700;
 /// Largest number of legs from rest to rest.
 const MOST_LEGS: usize = 64;
 
@@ -226,5 +226,39 @@ impl History {
         }
         self.stretches = coarser;
         self.limit = Limit { path: 2.0 * self.limit.path, seconds: 2.0 * self.limit.seconds };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_history_takes_no_more_than_64_kib_of_a_checkpoint() {
+        let mut history = History::default();
+        let mut samples = (0_u32..).map(|i| {
+            let stamp = Stamp::from_nanos(1_000_000_000_000_000_000 + 10_000_000 * i64::from(i));
+            let value = Vector3::new(1.0, 0.5, 0.25) * libm::sin(0.01 * f64::from(i));
+            Sample { stamp, log_time: stamp.nanos() as u64, value }
+        });
+        let mut turn = |history: &mut History| {
+            while history.stretches.len() < MOST_STRETCHES {
+                let sample = samples.next().unwrap();
+                history.feel(&sample);
+                history.push(&sample);
+            }
+        };
+        for _ in 0..=MOST_LEGS {
+            turn(&mut history);
+            let stretches: Vec<_> = history.stretches.drain(..).collect();
+            let sum = stretches.iter().copied().reduce(|one, next| one.then(&next)).unwrap();
+            let pieces = stretches.iter().map(|stretch| stretch.integrals).collect();
+            history.remember(Leg { from: sum.start, to: sum.end, pieces, rest: Some(sum.integrals), sum });
+        }
+        turn(&mut history);
+        let bytes = rmp_serde::to_vec_named(&history).unwrap();
+        assert!((40_000..=65_536).contains(&bytes.len()), "{} bytes", bytes.len());
+        let again: History = rmp_serde::from_slice(&bytes).unwrap();
+        assert_eq!(rmp_serde::to_vec_named(&again).unwrap(), bytes);
     }
 }

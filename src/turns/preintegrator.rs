@@ -33,6 +33,7 @@ impl Integrals {
 
 /// Stretch of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StretchParts", into = "StretchParts")]
 pub struct Stretch {
     /// Start of its first sample's cell.
     pub start: Stamp,
@@ -86,6 +87,23 @@ impl Stretch {
     pub fn force(&self) -> Option<Vector3<f64>> {
         let (sum, count) = self.felt;
         (count > 0).then(|| Vector3::from(sum.map(f64::from)) / f64::from(count))
+    }
+}
+
+/// A stretch as it is stored, without the names of its fields: a checkpoint holds hundreds.
+type StretchParts = (Stamp, Stamp, Integrals, [f32; 4], u16, bool, ([f32; 3], u32));
+
+impl From<Stretch> for StretchParts {
+    fn from(stretch: Stretch) -> Self {
+        let Stretch { start, end, integrals, path, roughness, gap, peak, pinned, broken, felt } = stretch;
+        (start, end, integrals, [path, roughness, gap, peak], pinned, broken, felt)
+    }
+}
+
+impl From<StretchParts> for Stretch {
+    fn from((start, end, integrals, sizes, pinned, broken, felt): StretchParts) -> Self {
+        let [path, roughness, gap, peak] = sizes;
+        Self { start, end, integrals, path, roughness, gap, peak, pinned, broken, felt }
     }
 }
 
