@@ -165,12 +165,13 @@ impl Shell<'_> {
                     let ends = matches!(event, Event::ChunkEnd);
                     progression.learner.take(event, notify);
                     if ends {
-                        self.write(progression, notify)?;
                         progression.log_indexes(&mut self.indexes);
                         if self.indexes.is_full() {
                             self.patiently(notify, |shell| shell.indexes.flush())?;
                         }
                         self.save_if_due(progression, notify);
+                    // A stretch without chunks, all of it damaged perhaps, has blocks, too.
+                    self.write(progression, notify)?;
                     }
                 }
             }
