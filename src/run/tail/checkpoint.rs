@@ -22,7 +22,7 @@ use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::SidecarFile;
 
 /// First bytes of a checkpoint; another layout gets another number.
-const MAGIC: &[u8; 16] = b"stillpointtail12";
+const MAGIC: &[u8; 16] = b"stillpointtail13";
 /// First bytes of every layout.
 const OURS: &[u8] = b"stillpointtail";
 /// Length of magic and checksum, in bytes.
