@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::ops::Range;
 
+use crc32fast::Hasher;
 use mcap::MAGIC;
 
+use super::footer::Footer;
 use super::marks::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
-use super::walk::{ReadAt, Walk, read, summary_section};
+use super::walk::{ReadAt, Walk, footer, read, summary_section};
 use super::wire::{DATA_END, FRAME, Fields, op};
 use super::{Channel, Error, Inventory};
 use crate::topic;
@@ -79,9 +81,27 @@ impl Original {
 /// If the file cannot be read.
 pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<FileKind, Error> {
     match Traces::of_summary(file, length)? {
-        Some(traces) => traces.judge(file),
+        Some(traces) => match traces.judge(file)? {
+            // Where the summary itself is damaged, what it lacks was taken by nobody.
+            FileKind::Edited { .. } if !is_summary_sound(file, length)? => Ok(FileKind::Recording),
+            kind => Ok(kind),
+        },
         None => Ok(FileKind::Recording),
     }
+}
+
+/// Whether the CRC of the summary holds, as far as there is one.
+fn is_summary_sound(file: &mut impl ReadAt, length: u64) -> Result<bool, Error> {
+    let Some(Footer { section, crc, .. }) = footer(file, length)? else { return Ok(false) };
+    let mut computed = Hasher::new();
+    // It covers the footer up to the CRC itself.
+    let (mut at, end) = (section.start, section.end + FRAME as u64 + 16);
+    while at < end {
+        let until = end.min(at + BLOCK);
+        computed.update(&read(file, at..until)?);
+        at = until;
+    }
+    Ok(crc == 0 || crc == computed.finalize())
 }
 
 /// Looks for traces of Stillpoint in the result of a scan, for files that lost their end.
