@@ -83,7 +83,9 @@ impl View {
                     Ending::Replaced => {
                         warn!("{name}: was replaced by another file; what had been recorded before is annotated");
                     }
-                    Ending::Truncated => warn!("{name}: was cut off or written anew; its annotations are kept"),
+                    Ending::Truncated => {
+                        warn!("{name}: was cut off or written anew; what is there now is followed");
+                    }
                 }
             }
             _ => {}

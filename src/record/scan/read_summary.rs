@@ -109,6 +109,10 @@ impl Scan {
         }
         let seen = left.min(MAGIC.len() as u64) as usize;
         let what = match self.window.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+            // Room that its recorder is about to give back.
+            Some(bytes) if !self.window.extent().finished && bytes.iter().all(|&byte| byte == 0) => {
+                return Err(Stop::Wait);
+            }
             Some(MAGIC) => format!(
                 "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
                  annotate both",
