@@ -246,9 +246,17 @@ pub fn result(input: &Path, output: &Path, report: &Report, earlier: Option<&[Fi
     result
 }
 
+/// Most topics that are named with the reason why they could not be read.
+const NAMED: usize = 20;
+
 pub fn say(outputs: &[PathBuf], report: &Report, written: Written, earlier: Option<&[Findings]>) {
     for (reason, topics) in skipped(report) {
-        warn!("{}: {reason}", topics.join(", "));
+        let further = match topics.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            further => format!(" and {further} more topics"),
+        };
+        let named: Vec<_> = topics.into_iter().take(NAMED).collect();
+        warn!("{}{further}: {reason}", named.join(", "));
     }
     report.notes.iter().for_each(|note| warn!("{note}"));
     report.damage.iter().for_each(|damage| warn!("damaged {damage}"));

@@ -4,11 +4,11 @@ use console::{Term, style};
 use serde_json::{Value, json};
 use stillpoint::imu::{ChannelRole, ImuConfig};
 use stillpoint::run::{self, Access, Channels, Input, Stop, Use};
-use stillpoint::{Error, printable};
+use stillpoint::{Error, printable, printable_json};
 
 use super::code::{Code, damaged};
 use super::configuration::configuration;
-use super::printing::{print, print_json};
+use super::printing::print;
 use super::progress::Progress;
 use super::table::Table;
 use crate::cli;
@@ -22,7 +22,7 @@ pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
         run::channels(&recording, &config, &|done| progress.watch(done))?
     };
     match json {
-        true => print_json(&machine(&channels))?,
+        true => print_machine(&channels)?,
         false => print(&people(&channels))?,
     }
     if channels.damages > 0 {
@@ -31,9 +31,23 @@ pub fn run(args: &cli::Topics, json: bool, stop: &Stop) -> Result<Code, Error> {
     Ok(damaged(channels.damages, args.accept_damage))
 }
 
-fn machine(channels: &Channels) -> Value {
-    let channel = |used: &Use| {
-        json!({
+/// Prints the channels as one line of JSON, piece by piece, since there may be many.
+fn print_machine(channels: &Channels) -> Result<(), Error> {
+    let mut text = format!("{{\"notes\":{},\"topics\":[", json!(channels.notes));
+    for (at, used) in channels.channels.iter().enumerate() {
+        text.push_str(if at > 0 { "," } else { "" });
+        text.push_str(&machine(channels, used).to_string());
+        if text.len() > PIECE {
+            print(&printable_json(&text))?;
+            text.clear();
+        }
+    }
+    text.push_str("]}");
+    print(&format!("{}\n", printable_json(&text)))
+}
+
+fn machine(channels: &Channels, used: &Use) -> Value {
+    json!({
             "topic": used.channel.topic,
             "type": used.schema,
             "encoding": used.channel.message_encoding,
@@ -43,9 +57,7 @@ fn machine(channels: &Channels) -> Value {
             "verdict": used.verdict.to_string(),
             "remarks": used.remarks,
             "configuration": used.configuration.as_ref().map(ImuConfig::lines),
-        })
-    };
-    json!({"topics": channels.channels.iter().map(channel).collect::<Value>(), "notes": channels.notes})
+    })
 }
 
 /// Whether something is read from a channel.
@@ -54,8 +66,12 @@ fn is_used(role: &ChannelRole) -> bool {
     beside || matches!(role, ChannelRole::Used(_))
 }
 
+/// Length of a piece of JSON, in bytes (64 KiB).
+const PIECE: usize = 64 << 10;
 /// Topics that are shown whatever they are.
 const SHOWN: usize = 50;
+/// Topics that are shown if there is something to say of them: no one reads more.
+const READ: usize = 2000;
 
 /// Whether there is nothing to say of a topic but that it is no IMU.
 fn is_dull(used: &Use) -> bool {
@@ -73,7 +89,7 @@ fn people(channels: &Channels) -> String {
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
     let mut further = 0;
     for (at, used) in channels.channels.iter().enumerate() {
-        if at >= SHOWN && is_dull(used) {
+        if at >= READ && !is_used(&used.verdict) || at >= SHOWN && is_dull(used) {
             further += 1;
             continue;
         }

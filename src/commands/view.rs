@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use console::{Term, measure_text_width, style, truncate_str};
 use indicatif::HumanBytes;
 use stillpoint::engine::Message;
-use stillpoint::messages::foxglove::log::Level;
+use stillpoint::messages::foxglove::{Log, log::Level};
 use stillpoint::printable;
 use stillpoint::run::{Ending, Notice, Progress};
 use tracing::{info, warn};
@@ -17,6 +17,9 @@ use super::text::Look;
 
 /// Interval between two drawings; people read no faster.
 const FRAME: Duration = Duration::from_millis(150);
+
+/// Number of warnings about a recording as a whole that are said one by one. Further ones are only counted.
+const SAID: u64 = 100;
 
 /// View of a followed recording.
 pub struct View {
@@ -29,6 +32,8 @@ pub struct View {
     /// Lines of the next drawing.
     lines: Vec<String>,
     waiting: bool,
+    /// Number of warnings about the recording as a whole.
+    warnings: u64,
 }
 
 impl View {
@@ -36,7 +41,7 @@ impl View {
     pub fn new(name: String) -> Self {
         let term = Some(Term::stderr()).filter(|term| term.is_term() && tracing::enabled!(tracing::Level::INFO));
         let name = printable(&name).into_owned();
-        Self { term, name, drawn: 0, next: Instant::now(), lines: Vec::new(), waiting: false }
+        Self { term, name, drawn: 0, next: Instant::now(), lines: Vec::new(), waiting: false, warnings: 0 }
     }
 
     /// Shows a notice.
@@ -51,7 +56,14 @@ impl View {
             Notice::Opened(offset) => self.say(|name| info!("{name}: going on at byte {offset}, where it was stopped")),
             Notice::Split(file) => self.say(|name| info!("{name}: goes on in {file}")),
             Notice::Trouble(what) => self.say(|name| warn!("{name}: {what}")),
-            Notice::Annotation { event, .. } if self.term.is_none() => line(&event.message),
+            Notice::Annotation { imu, event, .. } if self.term.is_none() => {
+                let is_warning = |log: &Log| imu.is_empty() && log.level() != Level::Info;
+                self.warnings += u64::from(matches!(&event.message, Message::Log(log) if is_warning(log)));
+                match &event.message {
+                    Message::Log(log) if is_warning(log) && self.warnings > SAID => {}
+                    message => line(message),
+                }
+            }
             Notice::Imu { findings, status } if self.is_due() => {
                 let look = Look::of(&Term::stderr());
                 self.lines.extend(summary::live(findings, status, look));
@@ -60,6 +72,10 @@ impl View {
             Notice::Ended(ending) => {
                 self.clear();
                 let name = &self.name;
+                let further = std::mem::take(&mut self.warnings).saturating_sub(SAID);
+                if further > 0 {
+                    warn!("{name}: {further} further warnings, which are in the log of its annotations");
+                }
                 match ending {
                     Ending::Finished => info!("{name}: the recorder has finished; writing the annotated recording"),
                     Ending::Idle => warn!("{name}: nothing more is recorded, and the recorder has not finished it"),
@@ -67,7 +83,9 @@ impl View {
                     Ending::Replaced => {
                         warn!("{name}: was replaced by another file; what had been recorded before is annotated");
                     }
-                    Ending::Truncated => warn!("{name}: was cut off or written anew; its annotations are kept"),
+                    Ending::Truncated => {
+                        warn!("{name}: was cut off or written anew; what is there now is followed");
+                    }
                 }
             }
             _ => {}

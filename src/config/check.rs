@@ -28,7 +28,8 @@ impl Config {
 }
 
 fn limits(limits: &Limits) -> Result<(), Fault> {
-    let Limits { chunk_mib, ratio, record_mib, definition_mib, definitions_mib, channels, .. } = *limits;
+    let Limits { chunk_mib, ratio, record_mib, definition_mib, definitions_mib, attachments_mib, channels, .. } =
+        *limits;
     let Limits { viewers, viewer_kib, viewer_rate, .. } = *limits;
     for (key, value, most) in [
         ("chunk_mib", chunk_mib, 1024),
@@ -36,6 +37,7 @@ fn limits(limits: &Limits) -> Result<(), Fault> {
         ("record_mib", record_mib, 1024),
         ("definition_mib", definition_mib, 1024),
         ("definitions_mib", definitions_mib, 1024),
+        ("attachments_mib", attachments_mib, 1024),
         ("channels", channels, 1 << 16),
         ("viewers", viewers as u64, 10_000),
         ("viewer_kib", viewer_kib as u64, 1 << 20),

@@ -18,6 +18,8 @@ pub struct Limits {
     pub definition_mib: u64,
     /// Total size of all schemas and channels, in MiB.
     pub definitions_mib: u64,
+    /// Total size of the places and names of all attachments and metadata records, in MiB.
+    pub attachments_mib: u64,
     /// Most channels of a recording.
     pub channels: u64,
     /// Most IMUs of a recording that no configuration names.
@@ -34,13 +36,15 @@ const MIB: u64 = 1 << 20;
 
 impl Default for Limits {
     fn default() -> Self {
-        let record::Limits { chunk, ratio, record, definition, definitions, channels } = record::Limits::default();
+        let record::Limits { chunk, ratio, record, definition, definitions, attachments, channels } =
+            record::Limits::default();
         Self {
             chunk_mib: chunk / MIB,
             ratio,
             record_mib: record / MIB,
             definition_mib: definition / MIB,
             definitions_mib: definitions / MIB,
+            attachments_mib: attachments / MIB,
             channels,
             imus: 256,
             viewers: 48,
@@ -59,6 +63,7 @@ impl Limits {
             record: self.record_mib.saturating_mul(MIB),
             definition: self.definition_mib.saturating_mul(MIB),
             definitions: self.definitions_mib.saturating_mul(MIB),
+            attachments: self.attachments_mib.saturating_mul(MIB),
             channels: self.channels,
         }
     }

@@ -47,7 +47,7 @@ impl Layout {
             (_, "") => return unread(&format!("{message_encoding} with a schema that names no language")),
             (_, language) => return unread(&format!("{message_encoding} with a {language} schema")),
         };
-        let layout = Self { wire, messages };
+        let layout = Self::of(wire, messages);
         match layout.is_placeholder() {
             true => Err(SchemaError::Placeholder { name: schema.name.clone() }),
             false => Ok(layout),
@@ -57,7 +57,7 @@ impl Layout {
     /// Layout of JSON messages like this one; `None` if it is not a JSON object, or too long for an example.
     pub fn of_example(name: &str, data: &[u8]) -> Option<Self> {
         (data.len() <= LONGEST_EXAMPLE).then_some(())?;
-        Some(Self { wire: Wire::Json, messages: jsonschema::example(name, data)? })
+        Some(Self::of(Wire::Json, jsonschema::example(name, data)?))
     }
 }
 

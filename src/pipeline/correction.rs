@@ -72,7 +72,7 @@ impl Corrector {
     ) {
         let Some(source) = sources.table.by_id(message.channel) else { return };
         for (imu, data) in corrected(&sources.intake, message, by) {
-            let topic = || corrected_topic(imu, &source.channel, source.schema.as_ref());
+            let topic = || corrected_topic(imu, source.channel, source.schema);
             blocks.extend(annotator.push_message(&topic::of(imu, Kind::Corrected), topic, message.log_time, data));
             tell(annotator);
             if !self.written.contains(imu) {

@@ -122,7 +122,7 @@ impl Learner {
     /// Reports the channels so far once more.
     pub(crate) fn tell_channels(&self, notify: Notify<'_>) {
         for entry in self.sources.table.iter() {
-            notify(Notice::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
+            notify(Notice::Channel { channel: entry.channel, schema: entry.schema });
         }
     }
 
@@ -142,7 +142,7 @@ impl Learner {
             }
             Event::Schema(_) | Event::Channel(_) => {
                 if let Some(entry) = self.sources.take(&event) {
-                    notify(Notice::Channel { channel: &entry.channel, schema: entry.schema.as_ref() });
+                    notify(Notice::Channel { channel: entry.channel, schema: entry.schema });
                     for (imu, learning) in self.sources.intake.imus().iter().zip(&mut self.imus) {
                         learning.engine.gyroscope_on(topic_of(imu, Sensor::Gyroscope));
                     }

@@ -17,7 +17,7 @@ pub(crate) fn no_imu(path: &Path, sources: &Sources, obstacles: &[String]) -> Er
 
 /// The existing topics, the reasons why they are not used, and how to map one, or the configured topics that are missing.
 pub(crate) fn why_no_imu(sources: &Sources, obstacles: &[String]) -> String {
-    let topic = |(entry, verdict): (&Entry, &ChannelRole)| {
+    let topic = |(entry, verdict): (Entry<'_>, &ChannelRole)| {
         let Entry { channel, .. } = entry;
         let kind = if entry.schema_name().is_empty() { &channel.message_encoding } else { entry.schema_name() };
         match verdict {
@@ -45,11 +45,11 @@ pub(crate) fn why_no_imu(sources: &Sources, obstacles: &[String]) -> String {
         return format!("no usable IMU topic among {listed}; {}", missing.join("; "));
     }
     // Where gravity is on a topic of its own, it was mostly removed from the accelerometer.
-    let is_gravity = |(entry, _): (&Entry, _)| entry.channel.topic.rsplit('/').next().is_some_and(is_called_gravity);
+    let is_gravity = |(entry, _): (Entry<'_>, _)| entry.channel.topic.rsplit('/').next().is_some_and(is_called_gravity);
     let suggested = suggested(sources.channels().map(|(_, verdict)| verdict));
     let suggested = suggested.filter(|_| !sources.channels().any(is_gravity));
     // What cannot be read cannot be mapped.
-    let is_skipped = |(_, verdict): (&Entry, &ChannelRole)| matches!(verdict, ChannelRole::Skipped(_));
+    let is_skipped = |(_, verdict): (Entry<'_>, &ChannelRole)| matches!(verdict, ChannelRole::Skipped(_));
     if !obstacles.is_empty() && suggested.is_none() || sources.channels().all(is_skipped) {
         let why = if obstacles.is_empty() { String::new() } else { format!(": {}", obstacles.join("; ")) };
         return format!("no usable IMU topic among {listed}{why}; see stillpoint topics");

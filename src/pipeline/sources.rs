@@ -26,9 +26,9 @@ impl Sources {
     }
 
     /// Adds schemas and channels. Returns a channel that is new to the recording.
-    pub(crate) fn take(&mut self, event: &Event<'_>) -> Option<&Entry> {
+    pub(crate) fn take(&mut self, event: &Event<'_>) -> Option<Entry<'_>> {
         let entry = self.table.take(event)?;
-        self.intake.channel(&entry.channel, entry.schema.as_ref());
+        self.intake.channel(entry.channel, entry.schema);
         Some(entry)
     }
 
@@ -49,7 +49,7 @@ impl Sources {
     }
 
     /// All channels so far, and their roles.
-    pub(crate) fn channels(&self) -> impl Iterator<Item = (&Entry, &ChannelRole)> + Clone {
+    pub(crate) fn channels(&self) -> impl Iterator<Item = (Entry<'_>, &ChannelRole)> + Clone {
         self.table.iter().map(|entry| (entry, self.intake.verdict(entry.channel.id)))
     }
 

@@ -11,7 +11,7 @@ use super::footer::Footer;
 use super::records::ChunkIndex;
 use super::walk::{ReadAt, Walk, footer, read};
 use super::wire::{FRAME, Fields, op};
-use super::{Channel, Error, Schema};
+use super::{Channel, Error, Limits, Schema};
 
 /// Summary at the end of a recording.
 #[derive(Debug, Default, PartialEq)]
@@ -56,16 +56,27 @@ impl ClosingSummary {
         }
         let mut found = Self::default();
         let (mut total, mut chunks) = (None, Vec::new());
-        let mut walk = Walk::new(footer.section.clone(), BLOCK);
+        let (mut walk, limits, mut defined) = (Walk::new(footer.section.clone(), BLOCK), Limits::default(), 0);
         while let Some(frame) = walk.next(file)? {
-            let body = walk.body(file, frame, LIMIT)?;
+            defined += if matches!(frame.opcode, op::SCHEMA | op::CHANNEL) { frame.length } else { 0 };
+            if frame.length > limits.record || defined > limits.definitions {
+                // Whoever reads the data says which limit bites.
+                return Ok(None);
+            }
+            let body = walk.body(file, frame, limits.record)?;
             let understood = match frame.opcode {
                 op::SCHEMA => Schema::parse(body).map(|schema| drop(found.schemas.insert(schema.id, schema))),
                 op::CHANNEL => Channel::parse(body).map(|channel| drop(found.channels.insert(channel.id, channel))),
                 op::STATISTICS => statistics(body).map(|(messages, counts)| {
                     (total, found.counts) = (Some(messages), counts);
                 }),
-                op::CHUNK_INDEX => ChunkIndex::parse(body).map(|chunk| chunks.push(chunk)),
+                op::CHUNK_INDEX => ChunkIndex::parse(body).map(|chunk| {
+                    chunks.push((chunk.offset, chunk.length));
+                    if chunk.start_time != 0 || chunk.end_time != 0 {
+                        let (from, until) = found.span.unwrap_or((u64::MAX, 0));
+                        found.span = Some((from.min(chunk.start_time), until.max(chunk.end_time)));
+                    }
+                }),
                 _ => Some(()),
             };
             if understood.is_none() {
@@ -83,13 +94,9 @@ impl ClosingSummary {
         {
             return Ok(None);
         }
-        for chunk in &chunks {
+        for chunk in chunks {
             if looks && !stands(file, chunk, length)? {
                 return Ok(None);
-            }
-            if chunk.start_time != 0 || chunk.end_time != 0 {
-                let (from, until) = found.span.unwrap_or((u64::MAX, 0));
-                found.span = Some((from.min(chunk.start_time), until.max(chunk.end_time)));
             }
         }
         Ok(Some(found))
@@ -113,14 +120,14 @@ fn holds(file: &mut impl ReadAt, footer: &Footer, length: u64) -> Result<bool, E
 }
 
 /// Whether a chunk is where its index says.
-fn stands(file: &mut impl ReadAt, chunk: &ChunkIndex, length: u64) -> Result<bool, Error> {
-    let end = chunk.offset.checked_add(chunk.length);
-    if end.is_none_or(|end| end > length) || chunk.length < FRAME as u64 {
+fn stands(file: &mut impl ReadAt, (offset, long): (u64, u64), length: u64) -> Result<bool, Error> {
+    let end = offset.checked_add(long);
+    if end.is_none_or(|end| end > length) || long < FRAME as u64 {
         return Ok(false);
     }
-    let frame = read(file, chunk.offset..chunk.offset + FRAME as u64)?;
+    let frame = read(file, offset..offset + FRAME as u64)?;
     let mut fields = Fields(&frame);
-    Ok((fields.u8(), fields.u64()) == (Some(op::CHUNK), Some(chunk.length - FRAME as u64)))
+    Ok((fields.u8(), fields.u64()) == (Some(op::CHUNK), Some(long - FRAME as u64)))
 }
 
 /// Number of messages in a statistics record: total, and by channel.

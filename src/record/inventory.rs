@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::chunk_check::ChunkCheck;
 use super::limits::Limits;
 use super::marks::{INDEXES, METADATA, TAIL};
-use super::records::Header;
+use super::records::{AttachmentIndex, Header, MetadataIndex};
 use super::summary::Summary;
 use super::{Channel, Schema};
 
@@ -34,6 +34,9 @@ pub struct Inventory {
     pub(super) summary_only: SummaryOnly,
     /// Memory of the schemas and channels, in bytes.
     defined: u64,
+    /// Memory of the places of attachments and metadata records, in bytes, and whether there was none for some.
+    placed: u64,
+    unplaced: bool,
     /// Total decompressed size of the compressed chunks, in bytes.
     pub(super) opened: u64,
     /// Unused byte ranges, in order, none touching another.
@@ -45,6 +48,12 @@ pub struct Inventory {
 pub(super) struct SummaryOnly {
     pub(super) schemas: Vec<u16>,
     pub(super) channels: Vec<u16>,
+}
+
+/// Place of an attachment or metadata record.
+pub(super) enum NamedRecord {
+    Attachment(AttachmentIndex),
+    Metadata(MetadataIndex),
 }
 
 /// Result of learning a schema or channel record.
@@ -198,7 +207,6 @@ impl Inventory {
 
     /// Reason why these records exceed the limits on definitions; `None` if they do not.
     pub(super) fn refuses(&self, survey: &ChunkCheck, limits: &Limits) -> Option<String> {
-        let Limits { definitions, channels: most, .. } = *limits;
         let Summary { schemas, channels, .. } = &self.summary;
         let new =
             survey.schemas.iter().filter(|schema| !schemas.contains_key(&schema.id)).map(Schema::size).sum::<u64>()
@@ -208,14 +216,72 @@ impl Inventory {
                     .filter(|channel| !channels.contains_key(&channel.id))
                     .map(Channel::size)
                     .sum::<u64>();
-        if new > 0 && new + self.defined > definitions {
+        let ids: BTreeSet<u16> = survey.channels.iter().map(|channel| channel.id).collect();
+        self.exceeds(new, ids.iter().filter(|id| !channels.contains_key(id)).count() as u64, limits)
+    }
+
+    /// Reason why a schema of the summary exceeds the limits; `None` if it does not, or is known.
+    pub(super) fn refuses_schema(&self, schema: &Schema, limits: &Limits) -> Option<String> {
+        let new = if self.summary.schemas.contains_key(&schema.id) { 0 } else { schema.size() };
+        self.exceeds(new, 0, limits)
+    }
+
+    /// Reason why a channel of the summary exceeds the limits; `None` if it does not, or is known.
+    pub(super) fn refuses_channel(&self, channel: &Channel, limits: &Limits) -> Option<String> {
+        let is_known = self.summary.channels.contains_key(&channel.id);
+        let (new, more) = if is_known { (0, 0) } else { (channel.size(), 1) };
+        self.exceeds(new, more, limits)
+    }
+
+    /// Reason why new definitions of this size, so many channels among them, exceed the limits.
+    fn exceeds(&self, size: u64, channels: u64, limits: &Limits) -> Option<String> {
+        let Limits { definitions, channels: most, .. } = *limits;
+        if size > 0 && size.saturating_add(self.defined) > definitions {
             let what = "schemas and channels of more than";
             return Some(format!("{what} {definitions} bytes: no more are used (limits.definitions_mib)"));
         }
-        let ids: BTreeSet<u16> = survey.channels.iter().map(|channel| channel.id).collect();
-        let count = channels.len() as u64 + ids.iter().filter(|id| !channels.contains_key(id)).count() as u64;
-        (count > channels.len() as u64 && count > most)
+        (channels > 0 && self.summary.channels.len() as u64 + channels > most)
             .then(|| format!("more than {most} channels: no more are used (limits.channels)"))
+    }
+
+    /// Whether the summary repeats a schema of the data.
+    pub(super) fn has_schema(&self, schema: &Schema) -> bool {
+        self.summary.schemas.get(&schema.id) == Some(schema)
+    }
+
+    /// Whether the summary repeats a channel of the data.
+    pub(super) fn has_channel(&self, channel: &Channel) -> bool {
+        self.summary.channels.get(&channel.id) == Some(channel)
+    }
+
+    /// Keeps the place of an attachment or metadata record. Returns what to say of the first one for which there is no room.
+    pub(super) fn place(&mut self, record: NamedRecord, limits: &Limits) -> Option<String> {
+        let (size, name) = match &record {
+            NamedRecord::Attachment(index) => {
+                (size_of_val(index) + index.name.len() + index.media_type.len(), &index.name)
+            }
+            NamedRecord::Metadata(index) => (size_of_val(index) + index.name.len(), &index.name),
+        };
+        // Those by which an annotated recording is recognised come last, and are few.
+        let most = match name.as_str() {
+            TAIL | INDEXES | METADATA => limits.attachments.saturating_mul(2),
+            _ => limits.attachments,
+        };
+        if self.placed + size as u64 > most {
+            return (!std::mem::replace(&mut self.unplaced, true)).then(|| {
+                format!(
+                    "places of attachments and metadata records of more than {} bytes: further ones are not indexed \
+                     (limits.attachments_mib)",
+                    limits.attachments
+                )
+            });
+        }
+        self.placed += size as u64;
+        match record {
+            NamedRecord::Attachment(index) => self.summary.attachments.push(index),
+            NamedRecord::Metadata(index) => self.summary.metadata.push(index),
+        }
+        None
     }
 
     /// Total decompressed size of the compressed chunks, in bytes.

@@ -19,6 +19,8 @@ pub struct Limits {
     pub definition: u64,
     /// Memory that all schemas and channels may take together, in bytes.
     pub definitions: u64,
+    /// Memory that the places and names of all attachments and metadata records may take, in bytes.
+    pub attachments: u64,
     /// Largest number of channels.
     pub channels: u64,
 }
@@ -34,6 +36,7 @@ impl Default for Limits {
             record: 64 * MIB,
             definition: 4 * MIB,
             definitions: 16 * MIB,
+            attachments: 16 * MIB,
             channels: 1 << 16,
         }
     }

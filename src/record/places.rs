@@ -14,8 +14,8 @@ use super::walk::{ReadAt, Walk, footer, read};
 use super::wire::{DATA_END, FRAME, op};
 use super::{Channel, Error, Schema};
 
-/// Longest summary that is read, in bytes: no recorder writes a longer one.
-const LIMIT: u64 = 256 << 20;
+/// Longest summary that is read, in bytes (48 MiB), since all of it is held: that of some 100 GB in chunks of 1 MB.
+const LIMIT: u64 = 48 << 20;
 /// Length of a message index without entries, and of an entry, in bytes.
 const EMPTY: u64 = FRAME as u64 + 2 + 4;
 const ENTRY: u64 = 16;

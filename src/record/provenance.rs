@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::ops::Range;
 
+use crc32fast::Hasher;
 use mcap::MAGIC;
 
+use super::footer::Footer;
 use super::marks::{COMPLETED, INDEXES, LIBRARY, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use super::records::{AttachmentIndex, ChunkIndex, Header, MetadataIndex, parse_metadata};
-use super::walk::{ReadAt, Walk, read, summary_section};
+use super::walk::{ReadAt, Walk, footer, read, summary_section};
 use super::wire::{DATA_END, FRAME, Fields, op};
 use super::{Channel, Error, Inventory};
 use crate::topic;
@@ -79,9 +81,27 @@ impl Original {
 /// If the file cannot be read.
 pub fn recognise(file: &mut impl ReadAt, length: u64) -> Result<FileKind, Error> {
     match Traces::of_summary(file, length)? {
-        Some(traces) => traces.judge(file),
+        Some(traces) => match traces.judge(file)? {
+            // Where the summary itself is damaged, what it lacks was taken by nobody.
+            FileKind::Edited { .. } if !is_summary_sound(file, length)? => Ok(FileKind::Recording),
+            kind => Ok(kind),
+        },
         None => Ok(FileKind::Recording),
     }
+}
+
+/// Whether the CRC of the summary holds, as far as there is one.
+fn is_summary_sound(file: &mut impl ReadAt, length: u64) -> Result<bool, Error> {
+    let Some(Footer { section, crc, .. }) = footer(file, length)? else { return Ok(false) };
+    let mut computed = Hasher::new();
+    // It covers the footer up to the CRC itself.
+    let (mut at, end) = (section.start, section.end + FRAME as u64 + 16);
+    while at < end {
+        let until = end.min(at + BLOCK);
+        computed.update(&read(file, at..until)?);
+        at = until;
+    }
+    Ok(crc == 0 || crc == computed.finalize())
 }
 
 /// Looks for traces of Stillpoint in the result of a scan, for files that lost their end.
@@ -95,8 +115,10 @@ pub fn recognise_scanned(file: &mut impl ReadAt, inventory: &Inventory) -> Resul
 /// Entries of a file that show who wrote it.
 #[derive(Default)]
 struct Traces {
-    attachments: Vec<AttachmentIndex>,
-    metadata: Vec<MetadataIndex>,
+    /// Last records of our names: the kept tail, the message indexes, the metadata.
+    tail: Option<AttachmentIndex>,
+    indexes: Option<AttachmentIndex>,
+    metadata: Option<MetadataIndex>,
     /// Channels of our topics.
     ours: BTreeSet<u16>,
     /// Offset of the last chunk that holds messages of other programs.
@@ -120,12 +142,9 @@ impl Traces {
     }
 
     fn of_inventory(inventory: &Inventory) -> Self {
-        let mut traces = Self {
-            attachments: inventory.summary.attachments.clone(),
-            metadata: inventory.summary.metadata.clone(),
-            data_end: inventory.prefix,
-            ..Self::default()
-        };
+        let mut traces = Self { data_end: inventory.prefix, ..Self::default() };
+        inventory.summary.attachments.iter().for_each(|index| traces.note_attachment(index));
+        inventory.summary.metadata.iter().for_each(|index| traces.note_metadata(index));
         inventory.channels().values().for_each(|channel| traces.note_channel(channel));
         let foreign = inventory.summary.last_chunks.iter().filter(|(channel, _)| !traces.ours.contains(channel));
         traces.last_foreign_chunk = foreign.map(|(_, &offset)| offset).max().unwrap_or_default();
@@ -135,8 +154,8 @@ impl Traces {
     fn note(&mut self, opcode: u8, body: &[u8]) {
         match opcode {
             op::CHANNEL => Channel::parse(body).iter().for_each(|channel| self.note_channel(channel)),
-            op::ATTACHMENT_INDEX => self.attachments.extend(AttachmentIndex::parse(body)),
-            op::METADATA_INDEX => self.metadata.extend(MetadataIndex::parse(body)),
+            op::ATTACHMENT_INDEX => AttachmentIndex::parse(body).iter().for_each(|index| self.note_attachment(index)),
+            op::METADATA_INDEX => MetadataIndex::parse(body).iter().for_each(|index| self.note_metadata(index)),
             op::CHUNK_INDEX => {
                 if let Some(chunk) = ChunkIndex::parse(body)
                     && chunk.message_indexes.keys().any(|channel| !self.ours.contains(channel))
@@ -154,13 +173,25 @@ impl Traces {
         }
     }
 
-    fn judge(&self, file: &mut impl ReadAt) -> Result<FileKind, Error> {
-        let last = |name: &str| {
-            let named = self.metadata.iter().filter(|entry| entry.name == name);
-            named.max_by_key(|entry| entry.offset)
+    fn note_attachment(&mut self, index: &AttachmentIndex) {
+        let last = match index.name.as_str() {
+            TAIL => &mut self.tail,
+            INDEXES => &mut self.indexes,
+            _ => return,
         };
-        let kept = self.attachments.iter().filter(|entry| entry.name == TAIL).max_by_key(|entry| entry.offset);
-        let (kept, metadata) = match (kept, last(METADATA)) {
+        if last.as_ref().is_none_or(|last| last.offset <= index.offset) {
+            *last = Some(index.clone());
+        }
+    }
+
+    fn note_metadata(&mut self, index: &MetadataIndex) {
+        if index.name == METADATA && self.metadata.as_ref().is_none_or(|last| last.offset <= index.offset) {
+            self.metadata = Some(index.clone());
+        }
+    }
+
+    fn judge(&self, file: &mut impl ReadAt) -> Result<FileKind, Error> {
+        let (kept, metadata) = match (&self.tail, &self.metadata) {
             (None, None) => return Ok(FileKind::Recording),
             (Some(_), None) => return edited("the metadata that belongs to the kept tail is missing"),
             (kept, Some(metadata)) => (kept, metadata),
@@ -210,9 +241,8 @@ impl Traces {
                 op::MESSAGE => {
                     Fields(walk.body(file, frame, 2)?).u16().is_some_and(|channel| self.ours.contains(&channel))
                 }
-                op::ATTACHMENT => {
-                    self.attachments.iter().any(|entry| entry.offset == frame.offset && entry.name == INDEXES)
-                }
+                // There is one at most.
+                op::ATTACHMENT => self.indexes.as_ref().is_some_and(|entry| entry.offset == frame.offset),
                 _ => false,
             };
             if !ours {

@@ -18,9 +18,9 @@ use std::time::Instant;
 
 use self::index_log::IndexLog;
 use self::location::Location;
-use self::names::index_log_of;
 pub use self::names::sidecar_of;
 pub(super) use self::names::{checkpoint_of, set_aside};
+use self::names::{index_log_of, stays_as};
 use self::shell::Shell;
 pub use self::shell::{Following, Tailed};
 use self::state::Progression;
@@ -36,13 +36,38 @@ use crate::run::output::reads::Reads;
 use crate::run::output::sidecar_file::SidecarFile;
 use crate::run::tail::checkpoint::{Checkpoint, Owner};
 
-/// Follows a recording to its end: a file, or a rosbag2 folder into which its recorder writes one file after the other.
+/// Follows a recording to its end: a file, or a rosbag2 folder into which its recorder writes one file after the other. If
+/// it is cut off or written anew meanwhile, what was learned until then is set aside, and what stands there now is followed.
 ///
 /// # Errors
 ///
 /// If it is not MCAP or has no usable IMU topic (nothing is left behind then); or if it is unreachable, the system
 /// refuses, or `stop` asks (the same call later continues from there).
 pub fn tail(
+    input: &Path,
+    output: &Path,
+    config: &Config,
+    following: &Following,
+    stop: &Stop,
+    notify: Notify<'_>,
+) -> Result<Tailed, Error> {
+    loop {
+        let tailed = tail_one(input, output, config, following, stop, notify)?;
+        if tailed.ending != Ending::Truncated {
+            return Ok(tailed);
+        }
+        if tailed.output.exists() {
+            notify(Notice::Trouble(&stays_as(&set_aside(&tailed.output)?)));
+        }
+    }
+}
+
+/// Follows a recording until it ends or is written anew.
+///
+/// # Errors
+///
+/// As [`tail`].
+pub(super) fn tail_one(
     input: &Path,
     output: &Path,
     config: &Config,

@@ -140,3 +140,29 @@ fn what_is_filtered_without_annotations_is_annotated_and_stripped_exactly() {
     folder.write("other.mcap", &recording(other));
     folder.run(["annotate", "other.mcap", "--set", MAPPED]).ok();
 }
+
+#[test]
+fn a_summary_that_is_damaged_is_no_edit_of_another_program() {
+    let (folder, bytes) = annotated("");
+    // The index entry of our metadata, which is then of a private kind.
+    let entry =
+        |at: &usize| bytes[*at] == 0x0D && bytes[at + 1..].len() > 60 && bytes[at + 29..].starts_with(b"stillpoint");
+    let at = (0..bytes.len() - 70).rev().find(entry).unwrap();
+    let mut damaged = bytes.clone();
+    damaged[at] = 0xA4;
+    folder.write("damaged.mcap", &damaged);
+    for command in [
+        "annotate damaged.mcap -o again.mcap --force",
+        "topics damaged.mcap",
+        "tail damaged.mcap -o again.mcap --force",
+    ] {
+        let run = folder.run(command.split_whitespace().chain(["--set", MAPPED]));
+        assert_eq!(before(&run.stderr), [""; 0], "{command}");
+    }
+    // What was recorded is found in it, whole.
+    folder.write("annotated.mcap", &bytes);
+    for name in ["annotated", "damaged"] {
+        folder.say(&format!("strip {name}.mcap -o {name}.stripped.mcap --force")).ok();
+    }
+    assert!(folder.read("damaged.stripped.mcap") == folder.read("annotated.stripped.mcap"));
+}

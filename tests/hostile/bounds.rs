@@ -379,3 +379,115 @@ fn names_without_end() {
     let said = folder.say("annotate frame.mcap -o o.mcap --force --allow-no-imu");
     assert!(said.stderr.contains("frame_id has more than 256 bytes"), "{}", said.stderr);
 }
+
+/// A recording with a summary section of these records.
+fn with_summary(records: &[Vec<u8>], summary: &[u8]) -> Vec<u8> {
+    let data = [MAGIC, &record(1, &[0; 8]), &records.concat(), &record(15, &[0; 4])].concat();
+    let footer = [&(data.len() as u64).to_le_bytes()[..], &[0; 12]].concat();
+    [&data, summary, &record(2, &footer), MAGIC].concat()
+}
+
+#[test]
+fn attachments_metadata_records_and_damages_without_number() {
+    let folder = Folder::new();
+    let attachment = record(9, &[0; 36]);
+    let metadata = record(12, &[0; 8]);
+    folder.write("attachments.mcap", &recording(&[attachment.repeat(2_000_000)]));
+    folder.write("metadata.mcap", &recording(&[metadata.repeat(4_000_000)]));
+    folder.write("damages.mcap", &recording(&[record(15, &[0; 4]).repeat(800_000)]));
+    for name in ["attachments", "metadata", "damages"] {
+        ends_well(&folder, &format!("{name}.mcap"));
+        std::fs::remove_file(folder.path().join(format!("{name}.mcap"))).unwrap();
+    }
+    folder.write("few.mcap", &recording(&[attachment.repeat(20_000)]));
+    let said = folder.say("annotate few.mcap -o o.mcap --allow-no-imu").ok();
+    assert!(!said.stderr.contains("limits."), "{}", said.stderr);
+    let said = folder.say("annotate few.mcap -o p.mcap --allow-no-imu --set limits.attachments_mib=1");
+    assert!(said.code == 3 && said.stderr.contains("limits.attachments_mib"), "{}", said.stderr);
+}
+
+#[test]
+fn definitions_that_only_the_summary_has() {
+    let folder = Folder::new();
+    let named = |n: u16, long: usize| channel(n, 0, &format!("/{n}{}", "t".repeat(long)), "cdr");
+    for (name, long) in [("long", 400), ("shorter", 240), ("short", 1)] {
+        let summary: Vec<u8> = (0..60_000).flat_map(|n| named(n, long)).collect();
+        folder.write(&format!("{name}.mcap"), &with_summary(&[chunk(&named(0, long))], &summary));
+    }
+    let schemas: Vec<u8> = (1..8).flat_map(|n| schema(n, "s", "ros2msg", &vec![b'z'; 3_900_000])).collect();
+    folder.write("schemas.mcap", &with_summary(&[chunk(&named(0, 1))], &schemas));
+    for name in ["long", "shorter", "short", "schemas"] {
+        ends_well(&folder, &format!("{name}.mcap"));
+    }
+    for name in ["shorter", "schemas"] {
+        let said = folder.say(&format!("annotate {name}.mcap -o {name}.o.mcap --allow-no-imu"));
+        assert!(said.code == 3 && said.stderr.contains("limits.definitions_mib"), "{name}: {}", said.stderr);
+        // Our own output says no more than that.
+        let again = folder.say(&format!("annotate {name}.o.mcap -o again.mcap --force --allow-no-imu"));
+        assert_eq!(again.stderr.matches("definitions_mib").count(), said.stderr.matches("definitions_mib").count());
+        assert!(folder.read("again.mcap") == folder.read(&format!("{name}.o.mcap")), "{name}");
+        folder.say(&format!("strip {name}.o.mcap -o original.mcap --force")).ok();
+        assert!(folder.read("original.mcap") == folder.read(&format!("{name}.mcap")), "{name}");
+    }
+}
+
+#[test]
+fn our_own_definitions_have_room_beside_those_of_a_recording() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    // As many as the limit allows, in front of all that the demonstration has.
+    let header = 17 + u64::from_le_bytes(demo[9..17].try_into().unwrap()) as usize;
+    let rest = demo.len() - 8 - 29;
+    let summary = u64::from_le_bytes(demo[rest + 9..rest + 17].try_into().unwrap()) as usize;
+    let mut large: Vec<u8> = (100..104).flat_map(|n| schema(n, "large", "ros2msg", &vec![b'z'; 4_100_000])).collect();
+    large.extend(schema(104, "large", "ros2msg", &vec![b'z'; 360_000]));
+    let data = [&demo[..header], &chunk(&large), &demo[header..summary - 13]].concat();
+    let end = [record(15, &[0; 4]), record(2, &[0; 20])].concat();
+    folder.write("full.mcap", &[&data, &end, MAGIC].concat());
+    for command in [
+        "annotate full.mcap -o o.mcap",
+        "report o.mcap",
+        "export o.mcap --format json",
+        "annotate o.mcap -o again.mcap",
+        "strip o.mcap -o s.mcap",
+        "tail o.mcap -o tailed.mcap --idle-timeout 300ms",
+        "topics o.mcap",
+    ] {
+        let run = folder.say(command).ok();
+        assert!(!run.stderr.contains("limits."), "{command}: {}", run.stderr);
+    }
+    assert!(folder.read("again.mcap") == folder.read("o.mcap") && folder.read("s.mcap") == folder.read("full.mcap"));
+    let less = folder.say("annotate full.mcap -o less.mcap --set limits.definitions_mib=15");
+    assert!(less.code == 3 && less.stderr.contains("limits.definitions_mib"), "{}", less.stderr);
+}
+
+#[test]
+fn channels_that_share_a_schema() {
+    let folder = Folder::new();
+    let fields = |n: usize| (0..n).flat_map(|n| format!("float64 a{n}\n").into_bytes()).collect::<Vec<_>>();
+    let comment = [b"float64 a\n# ".to_vec(), vec![b'x'; 300_000]].concat();
+    for (name, text, many) in
+        [("fields", fields(20_000), 1000), ("some", fields(2000), 30_000), ("long", comment, 2000)]
+    {
+        let channels: Vec<u8> = (0..many).flat_map(|n| channel(n, 1, &format!("/{n}"), "cdr")).collect();
+        folder.write(
+            &format!("{name}.mcap"),
+            &recording(&[chunk(&[schema(1, "a/msg/T", "ros2msg", &text), channels].concat())]),
+        );
+        ends_well(&folder, &format!("{name}.mcap"));
+    }
+    // One that the configuration names is read all the same.
+    let (schema, data) = imu("imu");
+    let (many, mut named) = (30_000_u16, Vec::new());
+    let channels: Vec<u8> = (0..many).flat_map(|n| channel(n, 1, &format!("/{n}"), "cdr")).collect();
+    (0..200).for_each(|n| named.extend(message(many - 1, 1_000_000_000 + n * 10_000_000, &data)));
+    folder.write("named.mcap", &recording(&[chunk(&[schema, channels, named].concat())]));
+    let set = format!("imu=[{{topic=\"/{}\"}}]", many - 1);
+    let run = folder.run(["topics", "named.mcap", "--json", "--set", &set]).ok();
+    let used = run.json()["topics"].as_array().unwrap().iter().filter(|topic| topic["used"] == true).count();
+    assert!(used > 1, "{used}");
+    let run = folder.run(["annotate", "named.mcap", "-o", "o.mcap", "--json", "--set", &set]);
+    assert_eq!(run.json()["imus"][0]["topic"], format!("/{}", many - 1), "{}", run.stderr);
+    let line = run.stderr.lines().map(str::len).max().unwrap();
+    assert!(line < 1000 && run.stderr.contains(" more topics: "), "{line} bytes in a line");
+}

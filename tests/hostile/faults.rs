@@ -268,3 +268,21 @@ fn a_mistake_that_cannot_be_told_has_its_exit_code_all_the_same() {
         assert!([0, 1, 2].contains(&run.code), "{command}: {}", run.code);
     }
 }
+
+#[test]
+fn limits_that_the_system_does_not_tell_are_no_trouble() {
+    let folder = Folder::with_demo();
+    folder.write("second.mcap", &folder.read("demo.mcap"));
+    for error in ["EPERM", "ENOSYS", "EACCES"] {
+        for command in [
+            "topics demo.mcap",
+            "annotate -q demo.mcap -o o.mcap --force",
+            "annotate -q demo.mcap second.mcap --join --out-dir joined --force",
+            "tail -q demo.mcap -o t.mcap --idle-timeout 100ms --force",
+        ] {
+            let inject = format!("prlimit64:error={error}");
+            let Some(run) = injected(&folder, &inject, command) else { return };
+            assert!(run.code == 0 && !run.stderr.contains("panicked"), "{command}: {} {}", run.code, run.stderr);
+        }
+    }
+}

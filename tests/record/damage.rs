@@ -279,3 +279,32 @@ fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
         }
     }
 }
+
+#[test]
+fn zeros_to_the_end_are_a_recording_that_was_cut_off() {
+    for sound in sound_recordings() {
+        let last = sound.records.iter().map(|(range, _)| range).filter(|range| range.end <= sound.data_end).next_back();
+        let whole = last.unwrap().end;
+        for zeros in [1, 8, 9, 10, 17, 18, 4096, 5 << 20] {
+            let file = [&sound.file[..whole], &vec![0; zeros]].concat();
+            let at = format!("{}, {zeros} zeros", sound.name);
+            let said: Vec<_> = scan(&file)
+                .0
+                .into_iter()
+                .filter_map(|event| match event {
+                    Told::Damage(damage) => Some(damage),
+                    _ => None,
+                })
+                .collect();
+            let [damage] = &said[..] else { panic!("{at}: {said:?}") };
+            assert_eq!((damage.offset, damage.length), (whole as u64, zeros as u64), "{at}");
+            assert!(damage.what.contains("cut off"), "{at}: {}", damage.what);
+            assert_eq!(told(&file).0, sound.messages(|_| true), "{at}");
+        }
+        // Behind zeros there may be records after all, and then nothing was cut off.
+        let (front, back) = sound.file.split_at(whole);
+        let said = scan(&[front, &[0; 4096], back].concat()).0;
+        let cut = said.iter().filter(|event| matches!(event, Told::Damage(damage) if damage.what.contains("cut off")));
+        assert_eq!(cut.count(), 0, "{}", sound.name);
+    }
+}

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use stillpoint::record::{Event, Inventory, Scan};
 
 use crate::drive::scan;
-use crate::recordings::mistreated;
+use crate::recordings::{Recipe, mistreated};
 
 /// A change of a file: where, and which bytes.
 type Change = (u64, Vec<u8>);
@@ -176,4 +176,59 @@ fn file(changes: &[Change]) -> Vec<u8> {
         file[*at as usize..][..bytes.len()].copy_from_slice(bytes);
     }
     file
+}
+
+/// A recorder that reserves room for what it writes, in steps of so many bytes.
+#[test]
+fn room_that_is_filled_in_later_is_no_damage() {
+    for (reserved, written) in [(1 << 20, 700), (4096, 700), (1000, 11), (300, 1000)] {
+        for (compression, chunked) in [(0, true), (1, true), (2, true), (0, false)] {
+            let recipe = Recipe { compression, chunked, ..Recipe::plain() };
+            let whole = recipe.write();
+            let changes: Vec<Change> = whole
+                .chunks(written)
+                .scan(0, |at, bytes| {
+                    let here = *at;
+                    *at += bytes.len() as u64;
+                    Some((here, bytes.to_vec()))
+                })
+                .collect();
+            let mut scan = Scan::new();
+            let (mut file, mut told, mut end) = (Vec::new(), Vec::new(), 0);
+            let mut changes = changes.iter();
+            let damage = loop {
+                match scan.next_event().unwrap() {
+                    Event::Read { offset, length } => {
+                        scan.insert(length).copy_from_slice(&file[offset as usize..][..length]);
+                        scan.notify_read(length);
+                    }
+                    Event::Wait => match changes.next() {
+                        Some((at, bytes)) => {
+                            end = *at as usize + bytes.len();
+                            file.resize(end.next_multiple_of(reserved), 0);
+                            file[*at as usize..end].copy_from_slice(bytes);
+                            scan.extend(file.len() as u64);
+                        }
+                        None => {
+                            // What was reserved in excess is given back.
+                            file.truncate(end);
+                            scan.extend(end as u64);
+                            scan.finish();
+                        }
+                    },
+                    Event::End => break scan.inventory().damage(),
+                    Event::Message(message) => told.push((message.channel, message.log_time, message.data.to_vec())),
+                    _ => {}
+                }
+            };
+            let at =
+                format!("{reserved} bytes at a time, {written} written, compression {compression}, chunks {chunked}");
+            assert_eq!(damage, 0, "{at}");
+            let expected = crate::drive::scan(&whole).0.into_iter().filter_map(|event| match event {
+                crate::drive::Told::Message { channel, log_time, data, .. } => Some((channel, log_time, data)),
+                _ => None,
+            });
+            assert_eq!(told, expected.collect::<Vec<_>>(), "{at}");
+        }
+    }
 }

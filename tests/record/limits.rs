@@ -2,8 +2,8 @@
 
 use stillpoint::record::{Event, Limits, Scan};
 
-use crate::drive::{Told, messages, scan};
-use crate::records::{channel, chunk, message, record, recording, schema, text};
+use crate::drive::{Told, fold_scanned, messages, scan};
+use crate::records::{attachment, channel, chunk, message, record, recording, schema, text};
 
 /// What is said of the damaged parts of a recording whose two sound messages are told.
 fn complaints(file: &[u8]) -> Vec<String> {
@@ -110,4 +110,49 @@ fn more_channels_than_are_allowed_are_named() {
     }
     assert_eq!(said, ["more than 2 channels: no more are used (limits.channels)"]);
     assert_eq!(messages, 2);
+}
+
+#[test]
+fn places_of_attachments_and_metadata_records_that_take_too_much_are_named_once_and_the_rest_is_used() {
+    let metadata = |name: &str| record(0x0C, &[text(name), text("")].concat());
+    let long = "n".repeat(40_000);
+    let attached: Vec<_> = (0..700).map(|n| attachment(&format!("{n}{long}"), b"x", 0)).collect();
+    let noted: Vec<_> = (0..700).map(|n| metadata(&format!("{n}{long}"))).collect();
+    for many in [attached.clone(), noted.clone(), [attached, noted].concat()] {
+        let file = around(&many);
+        let what = "places of attachments and metadata records of more than 16777216 bytes: further ones are not indexed \
+                    (limits.attachments_mib)";
+        assert_eq!(complaints(&file), [what]);
+        // They stay where they are, and what is indexed of them is found.
+        let (_, inventory) = scan(&file);
+        let annotated = fold_scanned(inventory, &file, &[], &[]);
+        let stats = mcap::Summary::read(&annotated).unwrap().unwrap().stats.unwrap();
+        let indexed = stats.attachment_count + stats.metadata_count;
+        assert!((400..500).contains(&indexed), "{indexed} of {}", many.len());
+        let many = many.concat();
+        assert!(annotated.windows(many.len()).any(|bytes| bytes == many));
+    }
+}
+
+#[test]
+fn what_only_the_summary_defines_has_the_same_limits() {
+    let large = |id: u16| {
+        let data = "x".repeat(3 << 20);
+        record(0x03, &[&id.to_le_bytes()[..], &text("pkg/msg/T"), &text("ros2msg"), &text(&data)].concat())
+    };
+    let many: Vec<_> = (10..18).map(large).collect();
+    let sound = chunk(&[schema(3), channel(1, 3), message(1, 5), message(1, 6)].concat());
+    let file = recording(&[sound, many[0].clone()], &many);
+    assert_eq!(
+        complaints(&file),
+        ["schemas and channels of more than 16777216 bytes: no more are used (limits.definitions_mib)"]
+    );
+    let (_, inventory) = scan(&file);
+    assert_eq!(inventory.schemas().len(), 1 + 5);
+    // The summary repeats what the data has, as it should, and nothing is wrong.
+    let few = recording(
+        &[chunk(&[schema(3), channel(1, 3), message(1, 5), message(1, 6)].concat()), many[..5].concat()],
+        &many[..5],
+    );
+    assert_eq!(complaints(&few), [""; 0]);
 }

@@ -1,7 +1,10 @@
 //! What goes wrong with a recording while it is followed: a clear message, and whole output.
 
+use std::fs::File;
+use std::os::unix::fs::FileExt as _;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use crate::common::Folder;
 use crate::common::needs::needed;
@@ -66,24 +69,125 @@ fn a_recording_that_is_deleted_or_replaced_is_followed_to_its_end() {
 
 #[test]
 fn the_annotations_of_a_recording_that_is_cut_off_or_written_anew_are_kept() {
+    let session = Session::six_faces();
     for anew in [false, true] {
         let folder = Folder::new();
-        let run = while_followed(&folder, "--idle-timeout 2s", Style { seeking: false, ..Style::default() }, || {
-            let path = folder.path().join("rec.mcap");
-            match anew {
-                true => folder.write("rec.mcap", &vec![1; length(&path) as usize + 500_000]),
-                false => std::fs::File::options().write(true).open(&path).unwrap().set_len(100).unwrap(),
-            }
-        });
-        assert_eq!(run.code, 3, "{}", run.stderr);
+        let path = folder.path().join("rec.mcap");
+        let style = Style { seeking: false, ..Style::default() };
+        session.record_while(&path, style, f64::INFINITY, |written| written < session.len() / 2);
+        let tail = Running::start(&folder, "tail rec.mcap --idle-timeout 5s");
+        wait_for("annotations", || length(&folder.path().join("rec.stillpoint.mcap")) > 2000);
+        match anew {
+            true => folder.write("rec.mcap", &vec![1; length(&path) as usize + 500_000]),
+            false => File::options().write(true).open(&path).unwrap().set_len(100).unwrap(),
+        }
+        let run = tail.finish();
+        // What is there now is nothing to annotate.
+        assert_eq!(run.code, 1, "{}", run.stderr);
         assert!(run.stderr.contains("was cut off or written anew"), "{}", run.stderr);
-        assert_eq!(folder.names(), ["rec.mcap", "rec.stillpoint.mcap"]);
-        let sidecar = folder.read("rec.stillpoint.mcap");
+        assert!(run.stderr.contains("stays as rec.before-1.stillpoint.mcap"), "{}", run.stderr);
+        assert_eq!(folder.names(), ["rec.before-1.stillpoint.mcap", "rec.mcap"]);
+        let sidecar = folder.read("rec.before-1.stillpoint.mcap");
         let summary = mcap::Summary::read(&sidecar).unwrap().unwrap();
         assert!(summary.stats.unwrap().message_count > 5);
         assert!(mcap::MessageStream::new(&sidecar).unwrap().all(|message| message.is_ok()));
-        folder.refuses("tail rec.mcap", 1, &["rec.stillpoint.mcap: exists"]);
+        let again = folder.say("tail rec.mcap --idle-timeout 300ms");
+        assert!(again.code == 1 && !again.stderr.contains("exists"), "{}", again.stderr);
     }
+}
+
+#[test]
+fn a_recording_that_is_written_anew_while_it_is_followed_is_followed_anew() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    let (cut, read) = (demo.len() / 4, demo.len() * 3 / 4);
+    folder.write("rec.mcap", &demo[..read]);
+    let tail = Running::start(&folder, "tail rec.mcap --idle-timeout 3s --poll 20ms --allow-no-imu");
+    let kept = |n: usize| folder.path().join(format!("rec.before-{n}.stillpoint.mcap"));
+    for n in 1..=2 {
+        // More than a quarter shows.
+        wait_for("annotations", || length(&folder.path().join("rec.stillpoint.mcap")) > 15_000);
+        let file = File::options().write(true).open(folder.path().join("rec.mcap")).unwrap();
+        file.set_len(cut as u64).unwrap();
+        wait_for("what it was", || kept(n).exists());
+        file.write_all_at(&demo[cut..if n == 1 { read } else { demo.len() }], cut as u64).unwrap();
+    }
+    let run = tail.finish().ok();
+    assert_eq!(run.stderr.matches("was cut off or written anew").count(), 2, "{}", run.stderr);
+    assert!(run.stderr.contains("stays as rec.before-2.stillpoint.mcap"), "{}", run.stderr);
+    let names =
+        ["demo.mcap", "rec.annotated.mcap", "rec.before-1.stillpoint.mcap", "rec.before-2.stillpoint.mcap", "rec.mcap"];
+    assert_eq!(folder.names(), names);
+    for n in 1..=2 {
+        let sidecar = std::fs::read(kept(n)).unwrap();
+        assert!(mcap::Summary::read(&sidecar).unwrap().unwrap().stats.unwrap().message_count > 5);
+    }
+    assert_as_batch(&folder, "written anew");
+    let run = folder.say("tail rec.mcap --idle-timeout 300ms").ok();
+    assert!(run.stderr.contains("nothing to do"), "{}", run.stderr);
+    assert_eq!(folder.names().len(), names.len());
+}
+
+#[test]
+fn room_that_a_recorder_reserves_and_gives_back_is_no_damage() {
+    for (from, ahead) in [(0, 5000), (0, 1 << 20), (30_000, 5000)] {
+        let folder = Folder::with_demo();
+        let demo = folder.read("demo.mcap");
+        let file = File::create(folder.path().join("rec.mcap")).unwrap();
+        file.write_all_at(&demo[..from], 0).unwrap();
+        let tail = Running::start(&folder, "tail rec.mcap --json --idle-timeout 2s --poll 10ms");
+        std::thread::sleep(Duration::from_millis(100));
+        file.set_len((demo.len() + ahead) as u64).unwrap();
+        for (n, part) in demo[from..].chunks(8000).enumerate() {
+            file.write_all_at(part, (from + n * 8000) as u64).unwrap();
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        file.set_len(demo.len() as u64).unwrap();
+        let run = tail.finish().ok();
+        for event in ["damage", "trouble"] {
+            assert!(!run.stdout.contains(&format!("\"event\":\"{event}\"")), "{from}, {ahead}: {}", run.stdout);
+        }
+        assert!(run.stdout.contains("\"ending\":\"finished\""), "{from}, {ahead}: {}", run.stdout);
+        assert_eq!(folder.names(), ["demo.mcap", "rec.annotated.mcap", "rec.mcap"]);
+        assert_as_batch(&folder, "reserved room");
+    }
+}
+
+#[test]
+fn room_that_a_recorder_never_filled_is_a_recording_that_was_cut_off() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    let mut whole = 8;
+    while whole < demo.len() / 2 {
+        whole += 9 + u64::from_le_bytes(demo[whole + 1..whole + 9].try_into().unwrap()) as usize;
+    }
+    folder.write("rec.mcap", &[&demo[..whole], &[0; 300_000]].concat());
+    for command in ["annotate rec.mcap -o batch.mcap", "tail rec.mcap --idle-timeout 300ms --force"] {
+        let run = folder.say(command);
+        assert_eq!(run.code, 3, "{command}: {}", run.stderr);
+        let said = run.stderr.lines().filter(|line| line.starts_with("warning: damaged"));
+        assert_eq!(said.clone().count(), 1, "{command}: {}", run.stderr);
+        assert!(said.clone().all(|line| line.contains("cut off")), "{command}: {}", run.stderr);
+    }
+    assert!(folder.read("batch.mcap") == folder.read("rec.annotated.mcap"));
+}
+
+#[test]
+fn damages_without_number_are_counted_and_take_no_memory() {
+    let folder = Folder::with_demo();
+    let demo = folder.read("demo.mcap");
+    let header = 17 + u64::from_le_bytes(demo[9..17].try_into().unwrap()) as usize;
+    // Records that end the data, with data behind each.
+    let ends = [&[15, 4][..], &[0; 11]].concat().repeat(300_000);
+    folder.write("rec.mcap", &[&demo[..header], &ends, &demo[header..]].concat());
+    let run = folder.say("tail rec.mcap --idle-timeout 300ms");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let lines = run.stderr.lines().count();
+    assert!(lines < 400, "{lines} lines");
+    assert!(run.stderr.contains("further warnings, which are in the log of its annotations"), "{}", run.stderr);
+    let damages = run.stderr.lines().find_map(|line| line.strip_prefix("warning: ")?.strip_suffix(" damages in all"));
+    assert!(damages.unwrap().parse::<u64>().unwrap() >= 299_000, "{damages:?}");
+    assert_as_batch(&folder, "many damages");
 }
 
 #[test]

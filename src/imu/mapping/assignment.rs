@@ -36,6 +36,9 @@ pub(in crate::imu) struct Assignment {
     readers: BTreeMap<String, Vec<usize>>,
     pub(in crate::imu) halves: Halves,
     pub(in crate::imu) imus: Vec<Imu>,
+    /// Schemas read so far, by name and length, and the bytes of those that were read again for another channel.
+    read: BTreeSet<(String, usize)>,
+    again: usize,
     /// Most IMUs that no configuration names.
     pub(in crate::imu) most: usize,
     pub(in crate::imu) positions: PositionSearch,
@@ -44,6 +47,8 @@ pub(in crate::imu) struct Assignment {
 
 /// Longest topic that is read, bytes: it is part of the name of each annotation topic.
 const LONGEST_TOPIC: usize = 4096;
+/// Most bytes of schemas that are read again for a further channel that has them (8 MiB): that of an IMU for 10,000 of them.
+const AGAIN: usize = 8 << 20;
 /// Most numbers that are listed of a message without vectors.
 const NUMBERS: usize = 12;
 
@@ -60,6 +65,8 @@ impl Assignment {
             readers: BTreeMap::new(),
             halves: Halves::default(),
             imus: Vec::new(),
+            read: BTreeSet::new(),
+            again: 0,
             most: usize::MAX,
             positions: PositionSearch::default(),
             headings: HeadingSearch::default(),
@@ -94,7 +101,7 @@ impl Assignment {
     ) -> &ChannelRole {
         if !self.roles.contains_key(&channel.id) {
             self.topics.insert(channel.topic.clone());
-            let role = match Layout::new(&channel.message_encoding, schema) {
+            let role = match self.layout(channel, schema) {
                 _ if channel.topic.len() > LONGEST_TOPIC => ChannelRole::Skipped(format!(
                     "its topic has {} bytes, {LONGEST_TOPIC} at most are read",
                     channel.topic.len()
@@ -110,6 +117,21 @@ impl Assignment {
             self.roles.insert(channel.id, role);
         }
         self.role(channel.id)
+    }
+
+    /// Layout of a channel's messages. Reading it takes its time, so of the channels that share a schema only so many are
+    /// looked at, and those that the configuration names.
+    fn layout(&mut self, channel: &record::Channel, schema: Option<&record::Schema>) -> Result<Layout, SchemaError> {
+        if let Some(schema) = schema
+            && !self.read.insert((schema.name.clone(), schema.data.len()))
+        {
+            self.again = self.again.saturating_add(schema.data.len());
+            let named = [self.positions.topic(), self.headings.topic()].contains(&Some(&*channel.topic));
+            if self.again > AGAIN && !named && !self.is_mentioned(&channel.topic) {
+                return Err(SchemaError::Again);
+            }
+        }
+        Layout::new(&channel.message_encoding, schema)
     }
 
     /// Role of a channel. It may change with later channels, or with its first message.

@@ -8,6 +8,8 @@ pub struct Layout {
     pub(in crate::imu) wire: Wire,
     /// Messages, the root first. No message contains itself.
     pub(in crate::imu) messages: Vec<Message>,
+    /// Indices of the fields of each message, sorted by name: a message may have many, and each is looked up often.
+    by_name: Vec<Vec<usize>>,
 }
 
 /// Serialisation of messages.
@@ -154,6 +156,12 @@ pub enum SchemaError {
         /// Name of the schema.
         name: String,
     },
+    /// The schema was read for enough other channels.
+    #[error(
+        "one of many channels whose schemas, which others have, too, take more than 8 MiB in all; an [[imu]] of the configuration \
+         names one that matters"
+    )]
+    Again,
     /// The schema is not text.
     #[error("the schema {name} is not UTF-8 at byte {offset}")]
     NotText {
@@ -188,6 +196,24 @@ fn called(name: &str) -> String {
 }
 
 impl Layout {
+    /// Layout of these messages, the root first.
+    pub(super) fn of(wire: Wire, messages: Vec<Message>) -> Self {
+        let sorted = |message: &Message| {
+            let mut fields: Vec<_> = message.fields.iter().enumerate().collect();
+            fields.sort_by(|(_, a), (_, b)| a.name.cmp(&b.name));
+            fields.into_iter().map(|(index, _)| index).collect()
+        };
+        Self { wire, by_name: messages.iter().map(sorted).collect(), messages }
+    }
+
+    /// Index of the first field of this name in a message.
+    pub(super) fn field(&self, message: usize, name: &str) -> Option<usize> {
+        let (fields, by_name) = (&self.messages.get(message)?.fields, self.by_name.get(message)?);
+        let name_of = |index: usize| fields.get(index).map(|field| field.name.as_str());
+        let first = *by_name.get(by_name.partition_point(|&index| name_of(index) < Some(name)))?;
+        (name_of(first) == Some(name)).then_some(first)
+    }
+
     /// Whether the messages have no field but the one that generators of code put into messages without any, although their
     /// type is not called empty.
     pub(in crate::imu) fn is_placeholder(&self) -> bool {

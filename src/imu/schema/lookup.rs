@@ -265,7 +265,7 @@ impl Layout {
     fn step(&self, from: PathTarget, segment: &Segment) -> Option<PathTarget> {
         let (Kind::Message(message), Count::One) = (from.kind, from.count) else { return None };
         let fields = &self.messages.get(message)?.fields;
-        let field = fields.iter().position(|field| field.name == segment.name)?;
+        let field = self.field(message, &segment.name)?;
         let Field { kind, count, .. } = *fields.get(field)?;
         let count = match (segment.element, count) {
             (None, count) => count,

@@ -11,6 +11,9 @@ use crate::record::records::{AttachmentIndex, ChunkIndex, MetadataIndex};
 use crate::record::wire::{DATA_END, FRAME, op};
 use crate::record::{Channel, Schema};
 
+/// Most landmarks that are kept: those of a recording of 2 TB in chunks of 1 MB.
+const LANDMARKS: usize = 1 << 21;
+
 /// Places of whole records. Empty if the recording has no valid summary.
 #[derive(Debug, Default)]
 pub(super) struct EarlySummary {
@@ -138,7 +141,7 @@ impl Asking {
         };
         self.found.indexed |= opcode == op::CHUNK;
         self.found.landmarks.push(Landmark { offset, length, opcode });
-        Some(())
+        (self.found.landmarks.len() <= LANDMARKS).then_some(())
     }
 
     pub(super) fn into_parts(mut self) -> (EarlySummary, Vec<Schema>, Vec<Channel>) {

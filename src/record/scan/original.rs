@@ -13,8 +13,10 @@ use crate::record::marks::{COMPLETED, METADATA, PREFIX, RECOVERED, TAIL, WHOLE};
 use crate::record::records::{AttachmentIndex, MetadataIndex, parse_metadata};
 use crate::record::wire::{DATA_END, FRAME, Fields, op};
 
-/// Longest group of indexes, or metadata record, that is read, in bytes (1 MiB).
+/// Longest metadata record that is read, in bytes (1 MiB).
 const LIMIT: u64 = 1 << 20;
+/// Longest group of indexes that is read, in bytes (32 MiB): twice what a recording may have by default.
+const GROUP: u64 = 32 << 20;
 /// Longest sequence of the offsets of such groups, in bytes: one for each opcode.
 const OFFSETS: u64 = 256 * (FRAME as u64 + 17);
 
@@ -118,7 +120,7 @@ impl Recognising {
                 }
             }
             let sound =
-                |group: &Range<u64>| data_end < group.start && group.end <= offsets && group.end - group.start <= LIMIT;
+                |group: &Range<u64>| data_end < group.start && group.end <= offsets && group.end - group.start <= GROUP;
             if !groups.iter().all(sound) {
                 return Ok(None);
             }

@@ -8,6 +8,7 @@ use super::supply::Supply;
 use crate::record::Places;
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::Frame;
+use crate::record::inventory::NamedRecord;
 use crate::record::places::KnownChunk;
 use crate::record::wire::{FRAME, op};
 
@@ -30,7 +31,7 @@ impl Scan {
             }
             if !self.close_chunk(Some(frame)) {
                 self.indexes.orphans = false;
-                self.inventory.summary.attachments.push(index.clone());
+                self.place_record(frame, NamedRecord::Attachment(index.clone()));
                 self.pass(frame);
             }
             return true;

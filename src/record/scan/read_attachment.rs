@@ -7,6 +7,7 @@ use super::attachments::Attaching;
 use super::search::HEAD;
 use super::stage::Stage;
 use crate::record::frame_window::{Frame, Stop};
+use crate::record::inventory::NamedRecord;
 use crate::record::records::AttachmentIndex;
 use crate::record::wire::{FRAME, Fields};
 
@@ -33,12 +34,19 @@ impl Scan {
         Ok(())
     }
 
+    /// Keeps the place of an attachment or metadata record, as long as there is room.
+    pub(super) fn place_record(&mut self, frame: Frame, record: NamedRecord) {
+        if let Some(what) = self.inventory.place(record, &self.limits) {
+            self.damage(frame.offset, 0, what);
+        }
+    }
+
     /// Checks the CRC of an attachment, all of which has been seen.
     pub(super) fn attached(&mut self) {
         let Stage::Attaching(Attaching { frame, index, crc, .. }) = std::mem::take(&mut self.stage) else { return };
         let stored = Fields(self.window.buffered()).u32().unwrap_or_default();
         if stored == 0 || stored == crc.finalize() {
-            self.inventory.summary.attachments.push(index);
+            self.place_record(frame, NamedRecord::Attachment(index));
         } else {
             self.reject(frame, format!("attachment `{}`: its CRC does not hold", index.name));
         }

@@ -13,7 +13,7 @@ use crate::record::Message;
 use crate::record::chunk::{Content, Storage, locate};
 use crate::record::chunk_check::ChunkCheck;
 use crate::record::frame_window::{Frame, Stop};
-use crate::record::inventory::Learned;
+use crate::record::inventory::{Learned, NamedRecord};
 use crate::record::records::{ChunkHeader, ChunkIndex, Header, MetadataIndex, parse_metadata};
 use crate::record::wire::{FRAME, Fields, op};
 
@@ -109,7 +109,7 @@ impl Scan {
             None => (None, false),
         };
         let survey = ChunkCheck::of(whole, &self.limits).and_then(|survey| {
-            match self.inventory.refuses(&survey, &self.limits) {
+            match self.inventory.refuses(&survey, &self.limits_at(frame)) {
                 Some(what) => Err(what),
                 None => Ok(survey),
             }
@@ -211,10 +211,11 @@ impl Scan {
             }
             (Some(Supply::Opened(_) | Supply::Absent) | None, None) => (None, self.open_chunk(frame)?),
         };
-        let content = content.and_then(|content| match self.inventory.refuses(&content.survey, &self.limits) {
-            Some(what) => Err(what),
-            None => Ok(content),
-        });
+        let content =
+            content.and_then(|content| match self.inventory.refuses(&content.survey, &self.limits_at(frame)) {
+                Some(what) => Err(what),
+                None => Ok(content),
+            });
         match content {
             Ok(Content { survey, .. }) if self.early_summary.is_none() && self.is_at_a_loss(&survey) => {
                 return self.ask();
@@ -305,7 +306,7 @@ impl Scan {
         let length = frame.end() - frame.offset;
         match parse_metadata(self.window.body(frame, self.limits.definition)?) {
             Some((name, _)) => {
-                self.inventory.summary.metadata.push(MetadataIndex { offset: frame.offset, length, name });
+                self.place_record(frame, NamedRecord::Metadata(MetadataIndex { offset: frame.offset, length, name }));
             }
             None => self.reject(frame, "a malformed metadata record"),
         }

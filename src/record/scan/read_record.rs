@@ -4,11 +4,12 @@ use mcap::MAGIC;
 
 use super::Scan;
 use super::bounds::Bounds;
+use super::search::ZEROS;
 use super::stage::Stage;
 use super::swallowed::LOOK;
 use crate::record::Error;
 use crate::record::frame_window::{Frame, Stop};
-use crate::record::wire::op;
+use crate::record::wire::{FRAME, op};
 
 impl Scan {
     pub(super) fn magic(&mut self) -> Result<Result<(), Stop>, Error> {
@@ -57,6 +58,12 @@ impl Scan {
             // It may still become a record, even one that belongs to the previous chunk.
             return Err(Stop::Wait);
         }
+        if frame.opcode == 0 && !self.summary.begun && self.ends_in_a_few_zeros(frame)? {
+            return self.end(ZEROS);
+        }
+        if self.awaits_filling(frame)? {
+            return Err(Stop::Wait);
+        }
         if frame.opcode != op::MESSAGE_INDEX && self.close_chunk(matches!(bounds, Bounds::Sound).then_some(frame)) {
             return Ok(());
         }
@@ -77,6 +84,23 @@ impl Scan {
             }
             Bounds::Lost(search) => self.lose(search, frame.opcode),
         }
+    }
+
+    /// Whether only zeros are left of the recording, so few that each would pass for a record.
+    fn ends_in_a_few_zeros(&self, frame: Frame) -> Result<bool, Stop> {
+        let left = self.window.extent().length - frame.offset;
+        Ok(left <= 8 * FRAME as u64 && self.window.peek(left as usize)?.iter().all(|&byte| byte == 0))
+    }
+
+    /// Whether a recorder that reserved room may still be filling in this record: the recording grows, and zeros follow.
+    fn awaits_filling(&self, frame: Frame) -> Result<bool, Stop> {
+        let extent = self.window.extent();
+        let is_judged = !extent.finished && frame.end() < extent.length;
+        if !is_judged || frame.length > self.limits.record.max(self.limits.chunk) {
+            return Ok(false);
+        }
+        let followed = self.window.peek(FRAME + frame.length as usize + 1)?;
+        Ok(followed.last() == Some(&0))
     }
 
     /// Continues after a record. The prefix extends through the last record before DataEnd.

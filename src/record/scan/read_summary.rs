@@ -4,7 +4,7 @@ use mcap::MAGIC;
 
 use super::Scan;
 use super::stage::{Stage, Step};
-use super::summary_section::{CrcVerdict, SummarySection};
+use super::summary_section::{CrcVerdict, SummarySection, Taken};
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
 use crate::record::wire::{FRAME, op};
@@ -20,14 +20,15 @@ impl Scan {
             Err(what) => return self.end(what),
         };
         let whole = self.window.peek(FRAME + frame.length as usize)?;
-        self.summary.kept = kept;
         if frame.opcode == op::FOOTER {
             let verdict = self.summary.close(whole);
             self.footer(frame, verdict);
             return Ok(());
         }
-        if !self.summary.take_record(frame.opcode, whole) {
-            self.reject(frame, "a malformed record in the summary");
+        match self.summary.take_record(frame.opcode, whole, &self.inventory) {
+            Taken::Kept => self.summary.kept = kept,
+            Taken::Passed => {}
+            Taken::Malformed => self.reject(frame, "a malformed record in the summary"),
         }
         self.pass(frame);
         Ok(())
@@ -53,39 +54,50 @@ impl Scan {
         self.summary.begun = true;
         let offset = self.window.offset();
         for what in self.learn_from_summary(schemas, channels) {
-            self.damage(offset, 0, format!("the summary contradicts the data on {what}"));
+            self.damage(offset, 0, what);
         }
         for (opcode, record) in private {
             self.inventory.summary.private.entry(opcode).or_default().extend(record);
         }
     }
 
-    /// Learns schemas and channels that only the summary defines. Returns those on which it contradicts the data.
+    /// Learns schemas and channels that only the summary defines, as far as the limits allow. Returns what is wrong with
+    /// the others, where it contradicts the data for instance.
     pub(super) fn learn_from_summary(&mut self, schemas: Vec<Schema>, channels: Vec<Channel>) -> Vec<String> {
-        let mut contradictions = Vec::new();
+        let (mut faults, mut refused) = (Vec::new(), None);
+        let contradicts = |what: String| format!("the summary contradicts the data on {what}");
         for schema in schemas {
             let id = schema.id;
+            if let Some(what) = self.inventory.refuses_schema(&schema, &self.limits) {
+                refused = refused.or(Some(what));
+                continue;
+            }
             match self.inventory.learn_schema(schema) {
                 Learned::New => {
                     self.inventory.summary_only.schemas.push(id);
                     self.queue.push_back(Step::Schema(id));
                 }
                 Learned::Known => {}
-                Learned::Contradicted => contradictions.push(format!("schema {id}")),
+                Learned::Contradicted => faults.push(contradicts(format!("schema {id}"))),
             }
         }
         for channel in channels {
             let id = channel.id;
+            if let Some(what) = self.inventory.refuses_channel(&channel, &self.limits) {
+                refused = refused.or(Some(what));
+                continue;
+            }
             match self.inventory.learn_channel(channel) {
                 Learned::New => {
                     self.inventory.summary_only.channels.push(id);
                     self.queue.push_back(Step::Channel(id));
                 }
                 Learned::Known => {}
-                Learned::Contradicted => contradictions.push(format!("channel {id}")),
+                Learned::Contradicted => faults.push(contradicts(format!("channel {id}"))),
             }
         }
-        contradictions
+        faults.extend(refused);
+        faults
     }
 
     /// Reports bytes after the closing magic, which no reader reads.
@@ -97,6 +109,10 @@ impl Scan {
         }
         let seen = left.min(MAGIC.len() as u64) as usize;
         let what = match self.window.peek(MAGIC.len() + seen)?.get(MAGIC.len()..) {
+            // Room that its recorder is about to give back.
+            Some(bytes) if !self.window.extent().finished && bytes.iter().all(|&byte| byte == 0) => {
+                return Err(Stop::Wait);
+            }
             Some(MAGIC) => format!(
                 "another recording of {left} bytes begins behind the end of this one: cut it off with `tail -c +{}`, and \
                  annotate both",

@@ -4,6 +4,7 @@ use super::Scan;
 use super::original::{Ours, Recognising};
 use super::stage::Stage;
 use crate::record::frame_window::{Extent, Frame, Stop};
+use crate::record::limits::Limits;
 use crate::record::wire::op;
 
 impl Scan {
@@ -82,6 +83,16 @@ impl Scan {
     /// Whether Stillpoint wrote this record after the original.
     pub(super) fn is_ours(&self, frame: Frame) -> bool {
         self.ours.as_ref().is_some_and(|ours| !ours.within && frame.offset >= ours.prefix)
+    }
+
+    /// Limits of definitions at a record. What Stillpoint wrote after an original has room beside what the original may take.
+    pub(super) fn limits_at(&self, frame: Frame) -> Limits {
+        match self.is_ours(frame) {
+            true => {
+                Limits { definitions: self.limits.definitions.saturating_mul(2), channels: u64::MAX, ..self.limits }
+            }
+            false => self.limits,
+        }
     }
 
     /// Leaves the original after its last whole record, to continue after its prefix in the file. Returns whether it

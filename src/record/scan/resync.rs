@@ -2,7 +2,7 @@
 //! look like a record that another one follows. Attachments are skipped, since one may contain records.
 
 use super::Scan;
-use super::search::{HEAD, REACH, Search};
+use super::search::{HEAD, REACH, Search, ZEROS};
 use super::stage::{Stage, Step};
 use super::swallowed::LOOK;
 use crate::record::chunk::knows;
@@ -62,7 +62,8 @@ impl Scan {
             return;
         }
         self.inventory.lose(search.offset..next);
-        self.damage(search.offset, next - search.offset, search.what);
+        let what = if search.blank && found.is_none() { ZEROS.to_owned() } else { search.what };
+        self.damage(search.offset, next - search.offset, what);
         match found {
             Some(next) => {
                 self.window.seek(next);
@@ -90,6 +91,7 @@ impl Scan {
 
     fn next_whole(&mut self, search: &mut Search) -> Result<Option<u64>, Stop> {
         if let Some(found) = self.sync.found_from(search.from) {
+            search.blank = false;
             return Ok(found);
         }
         search.at = search.at.max(search.from);
@@ -112,12 +114,13 @@ impl Scan {
             let indexed = self.early_summary.as_ref().is_some_and(|summary| summary.indexed);
             let next =
                 self.early_summary.as_ref().and_then(|summary| summary.behind(search.at)).map(|next| next.offset);
+            search.blank &= !indexed;
             match (indexed, next) {
                 (true, Some(next)) => search.at = next,
                 (true, None) => break None,
                 (false, next) => {
                     let until = next.unwrap_or(self.window.extent().length);
-                    let candidate = self.candidate(until);
+                    let candidate = self.candidate(until, &mut search.blank);
                     search.at = self.window.offset();
                     if let Some(offset) = candidate? {
                         break Some(offset);
@@ -135,18 +138,24 @@ impl Scan {
         Ok(found.is_some_and(|(found, body)| found == opcode && end(0, body) == length))
     }
 
-    /// Offset of the next credible record before `until`. Without one, the window is at `until`.
-    fn candidate(&mut self, until: u64) -> Result<Option<u64>, Stop> {
+    /// Offset of the next credible record before `until`. Without one, the window is at `until`. Notes whether what was
+    /// passed is blank.
+    fn candidate(&mut self, until: u64, blank: &mut bool) -> Result<Option<u64>, Stop> {
         while self.window.offset() < until {
             self.window.peek(FRAME)?;
             let room = until - self.window.offset();
             let places = self.window.buffered().windows(FRAME).take(room as usize);
             let could = |bytes: &[u8]| head(bytes).is_some_and(|(opcode, length)| fits(opcode, length));
             match places.clone().position(could) {
-                Some(ahead) => self.window.skip(ahead as u64),
+                Some(ahead) => {
+                    *blank = false;
+                    self.window.skip(ahead as u64);
+                }
                 None => {
-                    let passed = places.len() as u64;
-                    self.window.skip(passed);
+                    let passed = places.len();
+                    let bytes = self.window.buffered().get(..passed + FRAME - 1).unwrap_or_default();
+                    *blank = *blank && bytes.iter().all(|&byte| byte == 0);
+                    self.window.skip(passed as u64);
                     continue;
                 }
             }

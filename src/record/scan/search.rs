@@ -15,6 +15,10 @@ pub(super) const REACH: u64 = 1 << 24;
 /// Longest head of a chunk or attachment, in bytes: times, sizes and two names.
 pub(super) const HEAD: u64 = 1 << 16;
 
+/// What is said where only zeros follow.
+pub(super) const ZEROS: &str =
+    "zeros to the end of the recording: its recorder reserved room and was cut off before it was filled";
+
 /// Search for the next whole record.
 #[derive(Debug)]
 pub(super) struct Search {
@@ -26,6 +30,8 @@ pub(super) struct Search {
     /// Start of the search if it ended at none of these, and the progress of that search.
     pub(super) from: u64,
     pub(super) at: u64,
+    /// Whether only zeros were found so far.
+    pub(super) blank: bool,
     /// Range in which the next record must begin if the record that seemed to have lost the framing was sound.
     pub(super) confirming: Range<u64>,
 }
@@ -44,6 +50,7 @@ impl Search {
             tries,
             from: frame.offset + 1,
             at: 0,
+            blank: frame.opcode == 0 && frame.length == 0,
             confirming: frame.end()..frame.end().saturating_add(1),
         }
     }
@@ -57,6 +64,7 @@ impl Search {
             tries: Vec::new(),
             from: frame.offset + FRAME as u64,
             at: 0,
+            blank: false,
             confirming: frame.end()..u64::MAX,
         }
     }

@@ -4,7 +4,7 @@ use crc32fast::Hasher;
 
 use crate::record::frame_window::Frame;
 use crate::record::wire::{FRAME, Fields, op};
-use crate::record::{Channel, Limits, Schema};
+use crate::record::{Channel, Inventory, Limits, Schema};
 
 /// Content of the summary section, kept until its CRC is known.
 #[derive(Default)]
@@ -17,6 +17,15 @@ pub(super) struct SummarySection {
     pub(super) schemas: Vec<Schema>,
     pub(super) channels: Vec<Channel>,
     pub(super) private: Vec<(u8, Vec<u8>)>,
+}
+
+/// What became of a record of the summary section.
+pub(super) enum Taken {
+    /// It is kept.
+    Kept,
+    /// The data says the same, or it is of no use.
+    Passed,
+    Malformed,
 }
 
 /// Agreement of the summary section with the CRC in its footer.
@@ -44,19 +53,25 @@ impl SummarySection {
         Ok(kept)
     }
 
-    /// Takes a whole record other than the footer. Returns whether it is well-formed.
-    pub(super) fn take_record(&mut self, opcode: u8, whole: &[u8]) -> bool {
+    /// Takes a whole record other than the footer.
+    pub(super) fn take_record(&mut self, opcode: u8, whole: &[u8], data: &Inventory) -> Taken {
         self.crc.update(whole);
         let body = whole.get(FRAME..).unwrap_or_default();
         match opcode {
-            op::SCHEMA => Schema::parse(body).map(|schema| self.schemas.push(schema)).is_some(),
-            op::CHANNEL => Channel::parse(body).map(|channel| self.channels.push(channel)).is_some(),
-            op::HEADER..=op::DATA_END => true,
-            opcode => {
-                self.private.push((opcode, whole.to_vec()));
-                true
-            }
+            op::SCHEMA => match Schema::parse(body) {
+                None => return Taken::Malformed,
+                Some(schema) if data.has_schema(&schema) => return Taken::Passed,
+                Some(schema) => self.schemas.push(schema),
+            },
+            op::CHANNEL => match Channel::parse(body) {
+                None => return Taken::Malformed,
+                Some(channel) if data.has_channel(&channel) => return Taken::Passed,
+                Some(channel) => self.channels.push(channel),
+            },
+            op::HEADER..=op::DATA_END => return Taken::Passed,
+            opcode => self.private.push((opcode, whole.to_vec())),
         }
+        Taken::Kept
     }
 
     /// Takes the footer, which ends the section.

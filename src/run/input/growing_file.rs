@@ -36,7 +36,7 @@ pub(crate) struct GrowingFile {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Look {
     Same,
-    /// There are more bytes, or bytes within the known length were filled in.
+    /// There are more bytes, or bytes within the known length were filled in, or some that were not read yet are gone.
     Grown,
     /// Its name is gone or belongs to another file. The bytes written before are still there.
     Unnamed(Ending),
@@ -79,12 +79,9 @@ impl GrowingFile {
     pub(crate) fn look(&mut self) -> Result<Look, Error> {
         let metadata = self.file.metadata().map_err(Error::io("read", &self.path))?;
         let (length, written) = (metadata.len(), written(&metadata));
-        if length < self.length {
-            return Ok(Look::Lost);
-        }
-        if length > self.length || self.written.is_none() || written != self.written {
+        if length != self.length || self.written.is_none() || written != self.written {
             (self.length, self.written) = (length, written);
-            // It may have been truncated and rewritten since.
+            // It may have been truncated and rewritten since. Room that a recorder gives back was never read.
             return Ok(if self.is_known()? { Look::Grown } else { Look::Lost });
         }
         Ok(match std::fs::metadata(&self.path) {

@@ -84,10 +84,10 @@ impl Recording {
         }
     }
 
-    /// Note on a recording that another program edited after it was annotated, if one did.
+    /// Note on a recording that was changed after it was annotated, if it was.
     pub(crate) fn edit(&self) -> Option<String> {
         let why = self.edited?;
-        Some(format!("was annotated, then edited by another program ({why}); what it added stays"))
+        Some(format!("was annotated, then edited by another program, or damaged ({why}); what it holds now stays"))
     }
 
     /// Opens a file that Stillpoint annotated. The recording is the original in it.
@@ -108,9 +108,10 @@ impl Recording {
                 Err(Error::input(path, "was not annotated by Stillpoint: there is nothing to strip"))
             }
             FileKind::Sidecar { .. } => Err(Error::input(path, "holds annotations alone: there is no original in it")),
-            FileKind::Edited { why } => {
-                Err(Error::input(path, format!("was edited since it was annotated ({why}): the original is lost")))
-            }
+            FileKind::Edited { why } => Err(Error::input(
+                path,
+                format!("was edited or damaged since it was annotated ({why}): the original is lost"),
+            )),
         }
     }
 

@@ -90,8 +90,8 @@ impl ChannelLook {
 
     /// The time in a message's header.
     pub(super) fn stamp(&self, message: &Message<'_>) -> Option<Stamp> {
-        let Entry { channel, schema, .. } = self.sources.table.get(message.channel)?;
-        let layout = Layout::new(&channel.message_encoding, schema.as_ref()).ok();
+        let Entry { channel, schema } = self.sources.table.get(message.channel)?;
+        let layout = Layout::new(&channel.message_encoding, schema).ok();
         header_stamp(&layout.or_else(|| Layout::of_example(&channel.topic, message.data))?, message.data)
     }
 

@@ -114,12 +114,14 @@ fn look_through(
         }
     };
     let mut channels = look.uses(&counts);
+    let (notes, rates) = (look.sources.missing(), look.rates);
+    // Before the channels are looked at once more.
+    drop(look.sources);
     peek(recording, config, watch, &mut channels)?;
     for used in &mut channels {
         // Of a channel that begins later, in a file that was read completely.
-        used.hz = used.hz.or_else(|| look.rates.get(&used.channel.id).and_then(Rate::hz));
+        used.hz = used.hz.or_else(|| rates.get(&used.channel.id).and_then(Rate::hz));
     }
-    let notes = look.sources.missing();
     Ok((Channels { channels, notes, seconds: seconds(span), damages }, span))
 }
 

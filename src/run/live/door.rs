@@ -44,7 +44,13 @@ impl Door {
         let mut lines = std::str::from_utf8(request).map_err(|_| malformed())?.split("\r\n");
         lines.next().filter(|line| line.starts_with("GET ")).ok_or_else(malformed)?;
         let (mut hosts, mut origins) = (Vec::new(), Vec::new());
-        for (name, value) in lines.filter_map(|line| line.split_once(':')) {
+        for (name, value) in
+            lines.take_while(|line| !line.is_empty()).map(|line| line.split_once(':').unwrap_or((" ", "")))
+        {
+            if name.is_empty() || name.contains(char::is_whitespace) {
+                // Such as a line that continues the one before, which others may read otherwise.
+                return Err(malformed());
+            }
             let value = value.trim();
             match name.to_ascii_lowercase().as_str() {
                 "host" => hosts.push(value),
@@ -53,7 +59,8 @@ impl Door {
             }
         }
         let ([host], [] | [_]) = (&hosts[..], &origins[..]) else { return Err(malformed()) };
-        let host = host_of(host);
+        // More than one, as a client joins them that repeats the field, is none of them.
+        let host = host_of(host).ok_or_else(malformed)?;
         if !is_near(host) && !self.allows(host) {
             let why = format!("the host `{host}` is not known here: `--live-allow {host}` serves it");
             return Err(Refused::forbidden(crate::printable(&why).into_owned()));
@@ -74,7 +81,7 @@ impl Door {
         else {
             return false;
         };
-        let page = host_of(rest);
+        let Some(page) = host_of(rest) else { return false };
         let is_viewer = scheme == "https"
             && VIEWERS
                 .iter()
@@ -88,12 +95,15 @@ impl Door {
     }
 }
 
-/// Host name or address without the port.
-fn host_of(authority: &str) -> &str {
-    if let Some(rest) = authority.strip_prefix('[') {
-        return rest.split(']').next().unwrap_or_default();
-    }
-    authority.split(':').next().unwrap_or_default()
+/// Host name or address without the port; `None` if it is no such, or several.
+fn host_of(authority: &str) -> Option<&str> {
+    let (host, port) = match authority.strip_prefix('[') {
+        Some(rest) => rest.split_once(']')?,
+        None => authority.split_at(authority.find(':').unwrap_or(authority.len())),
+    };
+    let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
+    let is_name = host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._:%".contains(&byte));
+    (is_name && (port.is_empty() || port.strip_prefix(':').is_some_and(is_port))).then_some(host)
 }
 
 fn is_loopback(host: &str) -> bool {
@@ -139,6 +149,15 @@ mod tests {
                 "http://localhost.evil.example",
                 "https://127.0.0.1.evil.example",
                 "http://user@evil.example",
+                "http://localhost, http://evil.example",
+                "http://localhost,http://evil.example",
+                "http://localhost http://evil.example",
+                "http://localhost:9090, http://evil.example",
+                "http://localhost:9090/, http://evil.example",
+                "http://localhost@evil.example",
+                "http://[::1].evil.example",
+                "https://app.foxglove.dev, http://evil.example",
+                "file://, http://evil.example",
             ] {
                 assert_eq!(status(host, Some(origin)), "403 Forbidden", "{host} {origin}");
             }
@@ -151,6 +170,9 @@ mod tests {
         assert_eq!(status("robot.example", None), "");
         assert_eq!(status("robot.example", Some("http://robot.example")), "403 Forbidden", "unless it is allowed, too");
         assert_eq!(status("", None), "403 Forbidden");
+        for several in ["localhost, evil.example", "localhost:8765,evil", "robot evil.example", "[::1].evil.example"] {
+            assert_eq!(status(several, None), "400 Bad Request", "{several}");
+        }
     }
 
     #[test]
@@ -159,7 +181,20 @@ mod tests {
         for request in ["", "\r\n\r\n", "POST / HTTP/1.1\r\nHost: a\r\n\r\n", "GET / HTTP/1.1\r\n\r\n"] {
             assert_eq!(door.judge(request.as_bytes()).map_err(|refused| refused.status), Err("400 Bad Request"));
         }
-        let twice = "GET / HTTP/1.1\r\nHost: a\r\nOrigin: file://\r\nOrigin: http://evil.example\r\n\r\n";
-        assert!(door.judge(twice.as_bytes()).is_err());
+        for twice in [
+            "Host: a\r\nOrigin: file://\r\nOrigin: http://evil.example",
+            "Host: a\r\nHost: evil.example",
+            "Host: a\r\nOrigin : http://evil.example",
+            "Host: a\r\nOrigin: file://\r\n , http://evil.example",
+            "Host: a\r\nX: y\r\n\tOrigin: http://evil.example",
+            "Host: a\r\nno field",
+        ] {
+            let request = format!("GET / HTTP/1.1\r\n{twice}\r\n\r\n");
+            assert_eq!(
+                door.judge(request.as_bytes()).map_err(|refused| refused.status),
+                Err("400 Bad Request"),
+                "{twice}"
+            );
+        }
     }
 }

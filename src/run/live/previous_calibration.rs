@@ -65,7 +65,7 @@ impl PreviousCalibration {
         let rewritten = corrected(&self.sources.intake, message, by);
         let annotation = |data| Annotation { topic: 0, sequence: 0, log_time: message.log_time, data };
         let Some(source) = self.sources.table.by_id(message.channel) else { return Vec::new() };
-        let topic = |imu| corrected_topic(imu, &source.channel, source.schema.as_ref());
+        let topic = |imu| corrected_topic(imu, source.channel, source.schema);
         rewritten.into_iter().map(|(imu, data)| (topic(imu), annotation(data))).collect()
     }
 

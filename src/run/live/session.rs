@@ -26,8 +26,9 @@ const TICK: u64 = 1_000_000_000;
 /// Shows the news of one recording. A topic of the same name and type in another recording is continued.
 pub struct Session<'a> {
     shared: &'a Shared,
-    /// Channels of the recording by id that have no used message yet.
-    unused: BTreeMap<u16, ChannelBuilder>,
+    /// Channels of the recording by id that have no used message yet, and the schemas that they share.
+    unused: BTreeMap<u16, (Channel, Option<Arc<Schema>>)>,
+    schemas: BTreeMap<u16, Arc<Schema>>,
     used: BTreeMap<u16, Arc<RawChannel>>,
     /// Channels by topic.
     annotations: BTreeMap<String, Arc<RawChannel>>,
@@ -44,6 +45,7 @@ impl<'a> Session<'a> {
         Self {
             shared,
             unused: BTreeMap::new(),
+            schemas: BTreeMap::new(),
             used: BTreeMap::new(),
             annotations: BTreeMap::new(),
             earlier: None,
@@ -63,9 +65,17 @@ impl<'a> Session<'a> {
     /// Shows a notice. Never waits for a viewer.
     pub fn show(&mut self, notice: &Notice<'_>) {
         match notice {
-            Notice::Channel { channel, schema } => {
-                self.unused.insert(channel.id, self.builder(channel, *schema));
-                self.earlier.iter_mut().for_each(|earlier| earlier.channel(channel, *schema));
+            // What was written anew under this name has its own channels and times.
+            Notice::Opened(0) => {
+                self.unused.clear();
+                self.used.values().for_each(|channel| self.shared.leave(channel.id()));
+                self.used.clear();
+                (self.log_time, self.damages, self.due) = (0, 0, 0);
+            }
+            Notice::Channel { channel, schema: said } => {
+                let schema = said.map(|schema| self.share(schema));
+                self.unused.insert(channel.id, ((*channel).clone(), schema));
+                self.earlier.iter_mut().for_each(|earlier| earlier.channel(channel, *said));
             }
             Notice::Message { message, .. } => {
                 self.log_time = message.log_time;
@@ -127,8 +137,21 @@ impl<'a> Session<'a> {
 
     /// Advertises a topic at its first used message.
     fn source(&mut self, id: u16) {
-        if let Some(built) = self.unused.remove(&id).and_then(|builder| self.shared.advertise(builder)) {
+        let Some((channel, schema)) = self.unused.remove(&id) else { return };
+        if let Some(built) = self.shared.advertise(self.builder(&channel, schema.as_deref())) {
             self.used.insert(id, built);
+        }
+    }
+
+    /// A schema, kept once however many channels have it.
+    fn share(&mut self, schema: &Schema) -> Arc<Schema> {
+        match self.schemas.get(&schema.id).filter(|known| ***known == *schema) {
+            Some(known) => known.clone(),
+            None => {
+                let shared = Arc::new(schema.clone());
+                self.schemas.insert(schema.id, shared.clone());
+                shared
+            }
         }
     }
 

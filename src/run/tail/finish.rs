@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::index_log::ItemKind;
 use super::location::Location;
-use super::names::set_aside;
+use super::names::{set_aside, stays_as};
 use super::shell::{Shell, Tailed};
 use super::state::Progression;
 use crate::Error;
@@ -82,7 +82,19 @@ impl Shell<'_> {
             Remains::Nothing => None,
         };
         if let Some(error) = useless.filter(|_| !self.following.options.allow_no_imu) {
-            return Err(error);
+            if ending != Ending::Truncated {
+                return Err(error);
+            }
+            // Nothing was learned that could be kept, and what stands there now may be of use.
+            self.tidy()?;
+            let report = Report::of(splits.iter().map(|split| &split.inventory), &learned);
+            return Ok(Tailed {
+                report,
+                length,
+                output: self.sidecar_file.path().to_owned(),
+                written: Written::Now,
+                ending,
+            });
         }
         self.patiently(notify, |shell| shell.sidecar_file.flush())?;
         let Some(input) = input else {
@@ -207,7 +219,7 @@ impl Shell<'_> {
         }
         let path = self.sidecar_file.path().to_owned();
         let aside = set_aside(&path)?;
-        notify(Notice::Trouble(&format!("what was learned of the recording before stays as {}", aside.display())));
+        notify(Notice::Trouble(&stays_as(&aside)));
         // Last: the next run would take a sidecar without a checkpoint for somebody else's.
         self.forget()?;
         self.sidecar_file = SidecarFile::open(&path)?;

@@ -150,7 +150,14 @@ impl Shell<'_> {
                     let there = progression.growing.length().saturating_sub(offset);
                     let ahead = there.min(length.max(READ) as u64) as usize;
                     if !self.patiently(notify, |_| progression.growing.read(progression.scan.insert(ahead), offset))? {
-                        break Reached::Loss;
+                        // Room that its recorder gave back just now holds nothing that was read.
+                        let length = progression.growing.length();
+                        let look = self.patiently(notify, |_| progression.growing.look())?;
+                        if look == Look::Lost || progression.growing.length() == length {
+                            break Reached::Loss;
+                        }
+                        progression.scan.extend(progression.growing.length());
+                        continue;
                     }
                     progression.scan.notify_read(ahead);
                 }
@@ -164,8 +171,9 @@ impl Shell<'_> {
                     }
                     let ends = matches!(event, Event::ChunkEnd);
                     progression.learner.take(event, notify);
+                    // A stretch without chunks, all of it damaged perhaps, has blocks, too.
+                    self.write(progression, notify)?;
                     if ends {
-                        self.write(progression, notify)?;
                         progression.log_indexes(&mut self.indexes);
                         if self.indexes.is_full() {
                             self.patiently(notify, |shell| shell.indexes.flush())?;

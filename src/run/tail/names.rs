@@ -28,6 +28,11 @@ pub(crate) fn index_log_of(sidecar: &Path) -> PathBuf {
     sidecar.with_extension("indexes")
 }
 
+/// News that a result was renamed.
+pub(super) fn stays_as(aside: &Path) -> String {
+    format!("what was learned of the recording before stays as {}", aside.display())
+}
+
 /// Renames a result whose recording lost its name.
 pub(crate) fn set_aside(result: &Path) -> Result<PathBuf, Error> {
     let name = result.file_name().unwrap_or_default();

@@ -15,7 +15,7 @@ use crate::config::Config;
 use crate::pipeline::events::{Ending, Notice};
 use crate::run::output::written::Written;
 use crate::run::stop::Stop;
-use crate::run::tail::{Following, Tailed, set_aside, tail};
+use crate::run::tail::{Following, Tailed, set_aside, tail_one};
 use crate::run::watch::metrics::Metrics;
 
 /// Wait after the first failed attempt at a recording; doubled after each further one.
@@ -160,12 +160,14 @@ fn follow(
         metrics.note(path, &notice);
         show.iter_mut().for_each(|show| show(&notice));
     };
-    let tailed = tail(path, output, config, &following, stop, &mut notify)?;
+    let tailed = tail_one(path, output, config, &following, stop, &mut notify)?;
     metrics.done(path, &tailed.report, tailed.length);
     match tailed.ending {
         // The name is free for the next recording.
-        Ending::Replaced | Ending::Truncated => Ok(Tailed { output: set_aside(&tailed.output)?, ..tailed }),
-        Ending::Finished | Ending::Idle | Ending::Deleted => Ok(tailed),
+        Ending::Replaced | Ending::Truncated if tailed.output.exists() => {
+            Ok(Tailed { output: set_aside(&tailed.output)?, ..tailed })
+        }
+        _ => Ok(tailed),
     }
 }
 

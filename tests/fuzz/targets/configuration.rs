@@ -244,6 +244,8 @@ const KEYS: &[&str] = &[
     "limits.definition_mib",
     "definitions_mib",
     "limits.definitions_mib",
+    "attachments_mib",
+    "limits.attachments_mib",
     "channels",
     "limits.channels",
     "viewers",
