@@ -283,7 +283,7 @@ fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
 #[test]
 fn zeros_to_the_end_are_a_recording_that_was_cut_off() {
     for sound in sound_recordings() {
-        let last = sound.records.iter().map(|(range, _)| range).filter(|range| range.end <= sound.data_end).next_back();
+        let last = sound.records.iter().map(|(range, _)| range).rfind(|range| range.end <= sound.data_end);
         let whole = last.unwrap().end;
         for zeros in [1, 8, 9, 10, 17, 18, 4096, 5 << 20] {
             let file = [&sound.file[..whole], &vec![0; zeros]].concat();
