@@ -55,7 +55,7 @@ pub fn checkpoint(chunks: usize) -> (u64, Duration) {
     let following = Following {
         poll: Duration::from_millis(5),
         idle: Duration::from_secs(600),
-        patience: None,
+        patience: Some(Duration::ZERO),
         keep_sidecar: false,
         options: Options::default(),
     };
