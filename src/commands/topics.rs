@@ -48,15 +48,15 @@ fn print_machine(channels: &Channels) -> Result<(), Error> {
 
 fn machine(channels: &Channels, used: &Use) -> Value {
     json!({
-            "topic": used.channel.topic,
-            "type": used.schema,
-            "encoding": used.channel.message_encoding,
-            "messages": used.messages,
-            "hz": channels.rate(used),
-            "used": is_used(&used.verdict),
-            "verdict": used.verdict.to_string(),
-            "remarks": used.remarks,
-            "configuration": used.configuration.as_ref().map(ImuConfig::lines),
+        "topic": used.channel.topic,
+        "type": used.schema,
+        "encoding": used.channel.message_encoding,
+        "messages": used.messages,
+        "hz": channels.rate(used),
+        "used": is_used(&used.verdict),
+        "verdict": used.verdict.to_string(),
+        "remarks": used.remarks,
+        "configuration": used.configuration.as_ref().map(ImuConfig::lines),
     })
 }
 
@@ -72,6 +72,11 @@ const PIECE: usize = 64 << 10;
 const SHOWN: usize = 50;
 /// Topics that are shown if there is something to say of them: no one reads more.
 const READ: usize = 2000;
+
+/// Whether a topic is neither used nor offered.
+fn is_passed_over(used: &Use) -> bool {
+    !is_used(&used.verdict) && used.configuration.is_none()
+}
 
 /// Whether there is nothing to say of a topic but that it is no IMU.
 fn is_dull(used: &Use) -> bool {
@@ -89,7 +94,7 @@ fn people(channels: &Channels) -> String {
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
     let mut further = 0;
     for (at, used) in channels.channels.iter().enumerate() {
-        if at >= READ && !is_used(&used.verdict) || at >= SHOWN && is_dull(used) {
+        if at >= SHOWN && is_dull(used) || at >= READ && is_passed_over(used) {
             further += 1;
             continue;
         }

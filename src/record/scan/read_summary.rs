@@ -4,7 +4,7 @@ use mcap::MAGIC;
 
 use super::Scan;
 use super::stage::{Stage, Step};
-use super::summary_section::{CrcVerdict, SummarySection, Taken};
+use super::summary_section::{CrcVerdict, RecordVerdict, SummarySection};
 use crate::record::frame_window::{Frame, Stop};
 use crate::record::inventory::Learned;
 use crate::record::wire::{FRAME, op};
@@ -26,9 +26,9 @@ impl Scan {
             return Ok(());
         }
         match self.summary.take_record(frame.opcode, whole, &self.inventory) {
-            Taken::Kept => self.summary.kept = kept,
-            Taken::Passed => {}
-            Taken::Malformed => self.reject(frame, "a malformed record in the summary"),
+            RecordVerdict::Kept => self.summary.kept = kept,
+            RecordVerdict::Passed => {}
+            RecordVerdict::Malformed => self.reject(frame, "a malformed record in the summary"),
         }
         self.pass(frame);
         Ok(())

@@ -20,7 +20,7 @@ pub(super) struct SummarySection {
 }
 
 /// What became of a record of the summary section.
-pub(super) enum Taken {
+pub(super) enum RecordVerdict {
     /// It is kept.
     Kept,
     /// The data says the same, or it is of no use.
@@ -54,24 +54,24 @@ impl SummarySection {
     }
 
     /// Takes a whole record other than the footer.
-    pub(super) fn take_record(&mut self, opcode: u8, whole: &[u8], data: &Inventory) -> Taken {
+    pub(super) fn take_record(&mut self, opcode: u8, whole: &[u8], data: &Inventory) -> RecordVerdict {
         self.crc.update(whole);
         let body = whole.get(FRAME..).unwrap_or_default();
         match opcode {
             op::SCHEMA => match Schema::parse(body) {
-                None => return Taken::Malformed,
-                Some(schema) if data.has_schema(&schema) => return Taken::Passed,
+                None => return RecordVerdict::Malformed,
+                Some(schema) if data.has_schema(&schema) => return RecordVerdict::Passed,
                 Some(schema) => self.schemas.push(schema),
             },
             op::CHANNEL => match Channel::parse(body) {
-                None => return Taken::Malformed,
-                Some(channel) if data.has_channel(&channel) => return Taken::Passed,
+                None => return RecordVerdict::Malformed,
+                Some(channel) if data.has_channel(&channel) => return RecordVerdict::Passed,
                 Some(channel) => self.channels.push(channel),
             },
-            op::HEADER..=op::DATA_END => return Taken::Passed,
+            op::HEADER..=op::DATA_END => return RecordVerdict::Passed,
             opcode => self.private.push((opcode, whole.to_vec())),
         }
-        Taken::Kept
+        RecordVerdict::Kept
     }
 
     /// Takes the footer, which ends the section.
