@@ -73,11 +73,6 @@ const SHOWN: usize = 50;
 /// Topics that are shown if there is something to say of them: no one reads more.
 const READ: usize = 2000;
 
-/// Whether a topic is neither used nor offered.
-fn is_passed_over(used: &Use) -> bool {
-    !is_used(&used.verdict) && used.configuration.is_none()
-}
-
 /// Whether there is nothing to say of a topic but that it is no IMU.
 fn is_dull(used: &Use) -> bool {
     let plain = matches!(&used.verdict, ChannelRole::Other { vectors, suggestion: None, .. } if vectors.is_empty());
@@ -92,12 +87,13 @@ fn said(text: &str) -> String {
 fn people(channels: &Channels) -> String {
     let mut table = Table::default();
     table.row(["topic", "messages", "rate", "encoding", "type"].map(str::to_owned));
-    let mut further = 0;
+    let (mut shown, mut further) = (0, 0);
     for (at, used) in channels.channels.iter().enumerate() {
-        if at >= SHOWN && is_dull(used) || at >= READ && is_passed_over(used) {
+        if at >= SHOWN && is_dull(used) || shown >= READ && !is_used(&used.verdict) {
             further += 1;
             continue;
         }
+        shown += 1;
         let verdict = match &used.verdict {
             _ if is_used(&used.verdict) => style(said(&used.verdict.to_string())).green(),
             ChannelRole::Skipped(_) => style(said(&used.verdict.to_string())).yellow(),
