@@ -281,6 +281,28 @@ fn of_a_recording_with_a_wrong_byte_every_other_record_is_used() {
 }
 
 #[test]
+fn what_stands_at_a_wrong_end_is_no_attachment_by_its_opcode_alone() {
+    // Too short by four, a message outside chunks ends where its own bytes seem to begin an attachment of terabytes.
+    let messages: Vec<_> = (0..300).map(|n| ((n % 3) as u16, 1000 + 7 * n as u64, 30 + n * n % 97)).collect();
+    let recipe = Recipe { compression: 0, chunked: false, messages, ..Recipe::plain() };
+    let sound = Sound::new("loose".to_owned(), recipe.write(), false);
+    let mut seen = 0;
+    for opcode in [6, 9] {
+        for (range, _) in sound.records.iter().filter(|(range, messages)| messages.len() == 1 && range.len() > 60) {
+            let mut file = sound.file.clone();
+            file[range.start + 1] -= 4;
+            file[range.end - 4] = opcode;
+            let (found, damage) = told(&file);
+            let others = sound.messages(|other| other != range);
+            let lost = others.iter().filter(|message| !found.contains(message)).count();
+            assert!(lost == 0 && damage > 0, "opcode {opcode} at {}: {lost} lost, {damage} damages", range.end - 4);
+            seen += 1;
+        }
+    }
+    assert!(seen > 200, "{seen}");
+}
+
+#[test]
 fn zeros_to_the_end_are_a_recording_that_was_cut_off() {
     for sound in sound_recordings() {
         let last = sound.records.iter().map(|(range, _)| range).rfind(|range| range.end <= sound.data_end);

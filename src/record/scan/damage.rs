@@ -21,11 +21,12 @@ impl Scan {
             Frame { offset: self.window.offset(), opcode: head.first().copied().unwrap_or_default(), length: claimed };
         let content = self.measured(frame, u64::MAX)?;
         let left = self.window.extent().length - frame.offset - FRAME as u64;
+        let is_attachment = frame.opcode == op::ATTACHMENT && self.attachment_begins()?;
         match (frame.opcode, content) {
             (op::CHUNK, _) if claimed == u64::MAX => self.end("the recording ends in a chunk that was never closed"),
             // Both lengths agree, so the record was merely cut off.
             (op::CHUNK | op::ATTACHMENT, Measure::Says(length)) if length == claimed => self.end(cut_off(claimed)),
-            (op::ATTACHMENT, Measure::Says(length)) if length > left => self.end(cut_off(claimed)),
+            (_, Measure::Says(length)) if is_attachment && length > left => self.end(cut_off(claimed)),
             (opcode, content) => self.lose(Search::behind(frame, content).saying(cut_off(claimed)), opcode),
         }
     }

@@ -27,12 +27,20 @@ impl Scan {
         self.indexes.orphans = true;
         let length = self.window.extent().length;
         search.tries.retain(|&offset| offset <= length);
-        if opcode == op::ATTACHMENT {
+        if opcode == op::ATTACHMENT && self.attachment_begins()? {
             // Never search inside an attachment, whatever ends here.
             search.from = search.tries.last().copied().unwrap_or(length);
         }
         self.stage = Stage::Searching(search);
         Ok(())
+    }
+
+    /// Whether an attachment begins here, by its times, names and sizes: its opcode alone may be any byte of a message.
+    pub(super) fn attachment_begins(&self) -> Result<bool, Stop> {
+        let left = self.window.extent().length.saturating_sub(self.window.offset());
+        let bytes = self.window.peek(left.min(FRAME as u64 + HEAD) as usize)?;
+        let mut fields = Fields(bytes.get(FRAME..).unwrap_or_default());
+        Ok(AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some())
     }
 
     pub(super) fn search(&mut self) -> Result<(), Stop> {

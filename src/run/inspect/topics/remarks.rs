@@ -23,7 +23,8 @@ pub(super) fn peek(
     watch: Watch<'_>,
     channels: &mut [Use],
 ) -> Result<(), Error> {
-    let suggested = channels.iter().filter_map(|used| used.configuration.clone());
+    // No more than a recording may have.
+    let suggested = channels.iter().filter_map(|used| used.configuration.clone()).take(config.limits.imus);
     let imus: Vec<_> = config.imu.iter().cloned().chain(suggested).collect();
     let mut look = ChannelLook::new(&Config { imu: imus, ..config.clone() });
     let mut peeks: BTreeMap<(usize, usize), (Sensor, FirstReadings)> = BTreeMap::new();
