@@ -40,7 +40,8 @@ impl Scan {
         let left = self.window.extent().length.saturating_sub(self.window.offset());
         let bytes = self.window.peek(left.min(FRAME as u64 + HEAD) as usize)?;
         let mut fields = Fields(bytes.get(FRAME..).unwrap_or_default());
-        Ok(AttachmentIndex::parse_attachment(&mut fields, 0, 0).is_some())
+        let head = AttachmentIndex::parse_attachment(&mut fields, 0, 0);
+        Ok(head.is_some_and(|head| fits(op::ATTACHMENT, head.data_size.saturating_add(36))))
     }
 
     pub(super) fn search(&mut self) -> Result<(), Stop> {
