@@ -166,7 +166,7 @@ def check_edited(stillpoint, recording, out):
         subprocess.run([pymcap, *command], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         strip = subprocess.run([stillpoint, "strip", edited, "-o", out / "x.mcap", "--force"], stderr=subprocess.PIPE, text=True)
         assert strip.returncode == 1, f"{command[0]}: an edited recording was stripped"
-        assert "edited since" in strip.stderr or "not annotated" in strip.stderr, strip.stderr
+        assert "edited or damaged since" in strip.stderr or "not annotated" in strip.stderr, strip.stderr
         again = out / "again.mcap"
         run = subprocess.run(
             [stillpoint, "annotate", edited, "-o", again, "--force", "--allow-no-imu"], stderr=subprocess.PIPE, text=True
