@@ -80,10 +80,11 @@ impl Attempt {
         Self::forget(&self.path);
     }
 
-    /// Removes the note at a path.
+    /// Removes the note at a path. Beside a finished result nobody would look for it again, so that what refuses it once is
+    /// asked twice.
     pub(super) fn forget(path: &Path) {
         if Self::read(path).is_some() {
-            let _ = std::fs::remove_file(path);
+            let _ = std::fs::remove_file(path).or_else(|_| std::fs::remove_file(path));
         }
     }
 
